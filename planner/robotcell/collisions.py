@@ -31,9 +31,6 @@ from planner.robotcell.bodies import (
 from planner.robotcell.branches import Chain, needed
 from planner.robotcell.urdf import carry, compose, invert
 
-HAND = 6
-"""The segment that carries the camera."""
-
 
 @dataclass(frozen=True, eq=False)
 class Moving:
@@ -81,10 +78,13 @@ class Arm:
     ----------
     bodies : sequence of Moving
         By their segments.
+    hand_segment : int
+        The segment that carries the camera: the last one.
     """
 
-    def __init__(self, bodies: Sequence[Moving]) -> None:
+    def __init__(self, bodies: Sequence[Moving], hand_segment: int) -> None:
         fcl = needed("fcl")
+        self.hand_segment = hand_segment
         self.bodies = tuple(bodies)
         # bodies of fcl are moved before they are compared, which only one thread may do at a time
         self.lock = RLock()
@@ -98,7 +98,7 @@ class Arm:
             (a, b) for b in range(len(bodies)) for a in range(b) if _may_touch(bodies[a], bodies[b])
         ]
         self.moving = [i for i, segment in enumerate(segments) if segment > 0]
-        self.hand = [i for i, segment in enumerate(segments) if segment == HAND]
+        self.hand = [i for i, segment in enumerate(segments) if segment == hand_segment]
         self.spheres = [body.hull.centres for body in bodies]
         self.radii = np.concatenate([body.hull.radii for body in bodies])
         counts = [len(body.hull.radii) for body in bodies]
@@ -110,7 +110,7 @@ class Arm:
         return is_held and (first, second) not in self.near_by_mount
 
     def sphere_centres(self, frames: np.ndarray, which: Sequence[int]) -> np.ndarray:
-        """Return the centres (n, s, 3) of the spheres of bodies, for frames (n, 7, 4, 4)."""
+        """Return the centres (n, s, 3) of the spheres of bodies, for frames (n, k + 1, 4, 4)."""
         placed = [carry(frames[:, self.bodies[i].segment], self.spheres[i]) for i in which]
         return np.concatenate(placed, axis=1)
 
@@ -121,7 +121,7 @@ class Arm:
         return np.concatenate(radii), starts
 
     def place(self, number: int, frames: np.ndarray, grown_mm: float = 0.0) -> Any:
-        """Return the body of fcl, moved to where it is in one configuration's frames (7, 4, 4)."""
+        """Return the body of fcl, moved to where it is in one configuration's frames (k + 1, 4, 4)."""
         if grown_mm == 0:
             placed = self.placed[number]
         elif (number, grown_mm) in self._grown:
@@ -209,7 +209,7 @@ class Surroundings:
     ) -> None:
         dropped = set(left_out)
         pairs = [pair for pair in arm.own_pairs if pair not in dropped]
-        behind_hand = [i for i in arm.moving if arm.bodies[i].segment != HAND]
+        behind_hand = [i for i in arm.moving if arm.bodies[i].segment != arm.hand_segment]
         self.hand = PairGroup(arm, standing, arm.hand, [], clearance_mm)
         self.rest = PairGroup(arm, standing, behind_hand, pairs, clearance_mm)
         self.all = PairGroup(arm, standing, arm.moving, pairs, clearance_mm)
@@ -276,7 +276,7 @@ class PairGroup:
         return self._arm.bodies[first].name, other
 
     def bounds(self, frames: np.ndarray) -> np.ndarray:
-        """Return lower bounds (n, p) of the distances of all pairs, for frames (n, 7, 4, 4)."""
+        """Return lower bounds (n, p) of the distances of all pairs, for frames (n, k + 1, 4, 4)."""
         if not self._arm_pairs:
             moving = self._arm.sphere_centres(frames, self._moving) if self._moving else frames[:0]
             return self._standing_bounds(moving, len(frames))
@@ -330,7 +330,7 @@ class PairGroup:
         return np.asarray((bounds < self.required) | (bounds <= 0))
 
     def blocker(self, frames: np.ndarray, bounds: np.ndarray) -> int:
-        """Return the number of a pair that is too near in one configuration's frames (7, 4, 4), or -1."""
+        """Return the number of a pair that is too near in one configuration's frames (k + 1, 4, 4), or -1."""
         columns = np.flatnonzero(self._may_be_near(bounds))
         for column in columns[np.argsort(bounds[columns], kind="stable")]:
             if self._is_near(int(column), frames):
@@ -363,7 +363,7 @@ class PairGroup:
 
         Parameters
         ----------
-        frames, bounds : array (7, 4, 4), (p,)
+        frames, bounds : array (k + 1, 4, 4), (p,)
             One configuration and its bounds.
         required : array (p,)
             Distances to keep, mm.
@@ -386,7 +386,7 @@ class PairGroup:
         return min(best, float(slack[column])), pair
 
     def distance(self, column: int, frames: np.ndarray) -> float:
-        """Return the distance of a pair in one configuration's frames (7, 4, 4), mm; 0 if it touches."""
+        """Return the distance of a pair in one configuration's frames (k + 1, 4, 4), mm; 0 if it touches."""
         with self._arm.lock:
             return self._distance(column, frames)
 
@@ -418,22 +418,27 @@ def bodies_of(
     in_hand = compose(robot.chain.tip, cam2flange)
     for body in camera:
         points = body.corners() if isinstance(body, Box) else mesh_of(body, "camera_body")[0]
-        bodies.append(Moving("camera", HAND, hull_of(carry(in_hand, points), "camera_body"), True))
+        bodies.append(
+            Moving("camera", robot.n_joints, hull_of(carry(in_hand, points), "camera_body"), True)
+        )
     for body in light:
         points = body.corners() if isinstance(body, Box) else mesh_of(body, "light")[0]
-        bodies.append(Moving("light", HAND, hull_of(carry(in_hand, points), "light"), True))
+        bodies.append(
+            Moving("light", robot.n_joints, hull_of(carry(in_hand, points), "light"), True)
+        )
     return bodies
 
 
 def farthest_points(chain: Chain, arm: Arm) -> np.ndarray:
-    """Return how far from each joint's axis (6,) a point of the arm can be, at most: lengths of links add up; mm."""
+    """Return how far from each joint's axis (k,) a point of the arm can be, at most: lengths of links add up; mm."""
     offsets = np.sqrt((chain.steps[:, :3, 3] ** 2).sum(axis=1))
-    farthest = np.zeros(HAND + 1)
+    n_joints = len(chain.steps)
+    farthest = np.zeros(n_joints + 1)
     for body in arm.bodies:
         size = float(np.sqrt((body.hull.corners**2).sum(axis=1)).max())
         farthest[body.segment] = max(farthest[body.segment], size)
-    levers = np.zeros(HAND)
-    for joint in range(HAND):
+    levers = np.zeros(n_joints)
+    for joint in range(n_joints):
         lengths = np.concatenate([[0.0], np.cumsum(offsets[joint + 1 :])])
         levers[joint] = (lengths + farthest[joint + 1 :]).max()
     return levers
@@ -492,9 +497,9 @@ class Advance:
 
         Parameters
         ----------
-        frames : array (n, 7, 4, 4)
+        frames : array (n, k + 1, 4, 4)
             The frames of the joints.
-        turn : array (6,)
+        turn : array (k,)
             The move, rad.
         reach : array (n,)
             Shares of it beyond which nothing need be known.
@@ -562,7 +567,7 @@ class Advance:
 
 
 def static_levers(chain: Chain, arm: Arm) -> np.ndarray:
-    """Return the largest distance (6, b) of a point of each body from each axis before it, mm.
+    """Return the largest distance (k, b) of a point of each body from each axis before it, mm.
 
     Parameters
     ----------
@@ -641,11 +646,11 @@ class TurnedAdvance:
 
         Parameters
         ----------
-        frames : array (n, 7, 4, 4)
+        frames : array (n, k + 1, 4, 4)
             The frames of the joints in the base.
         angles : array (n,)
             Angles of the turntable, rad.
-        turn : array (7,)
+        turn : array (k + 1,)
             The move, rad; the last number is that of the turntable.
         reach : array (n,)
             Shares of it beyond which nothing need be known.

@@ -724,7 +724,7 @@ class TourChecker:
         return tuple(move for leg in legs if (move := self._moves[leg]) is not None)
 
 
-# Which of many branches a round chooses from: on a turntable a setting may have two hundred.
+# Which of many branches a round chooses from: on a turntable, or with seven joints, a setting may have two hundred.
 
 
 _MOST = 24
@@ -732,7 +732,7 @@ _MOST_IN_LONG_ROUNDS = 12
 
 
 def few_branches(
-    branches: Sequence[np.ndarray], home: np.ndarray, rates: JointRates
+    branches: Sequence[np.ndarray], home: np.ndarray, rates: JointRates, *, turns: bool
 ) -> list[np.ndarray]:
     """Return at most 24 branches of each setting, in rounds of more than 10 settings at most 12.
 
@@ -742,13 +742,17 @@ def few_branches(
     Parameters
     ----------
     branches : sequence of array (b, k)
-        Of each setting; the last number is the angle of the turntable.
+        Of each setting.
     home : array (k,)
         Joints at which the round begins and ends, rad.
     rates : JointRates
         Of all of them.
+    turns : bool
+        Whether the last number of a branch is the angle of a turntable.
     """
-    preferred = common_angles([set(group[:, -1].tolist()) for group in branches])
+    preferred: list[float] = []
+    if turns:
+        preferred = common_angles([set(group[:, -1].tolist()) for group in branches])
     limit = _MOST if len(branches) <= EXACT_UP_TO else _MOST_IN_LONG_ROUNDS
     result = []
     for group in branches:

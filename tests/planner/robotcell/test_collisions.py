@@ -23,7 +23,7 @@ CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], 
 
 def pair(hull, standing, clearance_mm=0.0):
     """Return a group of one moving hull, in frame 6, and one body that stands."""
-    arm = Arm([Moving("link", 6, hull)])
+    arm = Arm([Moving("link", 6, hull)], 6)
     return PairGroup(arm, [standing], [0], [], clearance_mm)
 
 
@@ -118,7 +118,7 @@ def test_a_hollow_is_no_inside():
 
 
 def test_the_closest_of_many_is_found():
-    arm = Arm([Moving("link", 6, hull_of(CUBE, "body"))])
+    arm = Arm([Moving("link", 6, hull_of(CUBE, "body"))], 6)
     names = {f"box {k}": Box((5.0 * k + 2, -1, -1), (5.0 * k + 3, 1, 1)) for k in range(1, 5)}
     group = PairGroup(arm, standing_bodies(names, "obstacle"), [0], [], 10.0)
     frames = frames_at(np.eye(4))
