@@ -523,8 +523,8 @@ class Robot:
         -------
         array, shape (m, k)
             Joints, rad, in one order; m is 0 out of reach, and seldom more than 8 with six joints.
-            Where a whole curve of joints leads to the pose, a few stand for all: those nearest to
-            zero where the axes of a wrist are in line; with seven joints, some all along the curve.
+            With the axes of a wrist in line, a whole curve of joints leads to the pose. Those
+            nearest to zero stand for all. With seven joints, some from all along the curve do.
 
         Raises
         ------

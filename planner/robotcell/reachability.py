@@ -18,6 +18,7 @@ import numpy as np
 
 from ground.short_repr import short_repr
 from planner.robotcell.arm import Robot
+from planner.robotcell.branches import SIX
 from planner.robotcell.collisions import Advance, Surroundings
 from planner.robotcell.urdf import carry, compose, invert
 
@@ -29,6 +30,7 @@ CONSTANT_MM = 1.0
 """Two bodies whose distance changes by no more than this are equally near at all joints, mm."""
 
 _FIRST_ANGLES = 24
+_NEAR_LIMIT_RAD = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,9 +210,16 @@ class Reacher:
             why[i] = LIMITS if is_limit else NO_BRANCH
 
     def _nearest_first(self, q: np.ndarray, owner: np.ndarray) -> np.ndarray:
-        """Return an order of branches: by pose, then by the time from the rest to them."""
-        seconds = (np.abs(q - self._near_joints) / self._robot.speeds).max(axis=1, initial=0.0)
-        return np.lexsort((np.round(seconds, 6), owner))
+        """Return an order of branches: by pose, then by the time from the rest to them.
+
+        Of seven joints, those near a limit come last, since their curve goes on.
+        """
+        robot = self._robot
+        seconds = (np.abs(q - self._near_joints) / robot.speeds).max(axis=1, initial=0.0)
+        is_late = np.zeros(len(q), dtype=bool)
+        if robot.n_joints > SIX:
+            is_late = robot.to_limit_rad(q) < _NEAR_LIMIT_RAD
+        return np.lexsort((np.round(seconds, 6), is_late, owner))
 
     def free(self, q: np.ndarray) -> np.ndarray:
         """Return which joints (n, k) keep the clearance and their limits (n,)."""

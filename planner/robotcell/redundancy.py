@@ -114,19 +114,19 @@ class RedundantBranches(JointLimits):
             Number of each one's pose.
         """
         q, owner = self._starts.of(tips)
-        found, whose = self._met(q, owner, tips)
+        joints, whose = self._met(q, owner, tips)
         missing = np.setdiff1d(np.arange(len(tips)), whose)
         if len(missing):
             more = self._moved_into_limits(*_of(missing, q, owner), tips)
-            found = np.concatenate([found, more[0]])
+            joints = np.concatenate([joints, more[0]])
             whose = np.concatenate([whose, more[1]])
         missing = np.setdiff1d(missing, whose)
         is_all = isinstance(self._starts, _Swivel) and self._starts.is_exact
         if len(missing) and not is_all:
             q, rows = self._from_draws(tips[missing])
-            found = np.concatenate([found, q])
+            joints = np.concatenate([joints, q])
             whose = np.concatenate([whose, missing[rows]])
-        return firsts_in_order(found, whose, _APART)
+        return firsts_in_order(joints, whose, _APART)
 
     def exist(self, tips: np.ndarray) -> np.ndarray:
         """Return for which poses (n, 4, 4) there are joints, whatever their limits; (n,) bool."""
@@ -291,9 +291,9 @@ class _Swivel:
         """Return the two angles (n, 2) of joint 4 for squared distances of S and W, and where there are any (n,)."""
         u = self._wrist_at_elbow
         c = self._from_shoulder
-        rest = (squares - (u**2).sum() - (c**2).sum()) / 2 - u[2] * c[2]
+        height = (squares - (u**2).sum() - (c**2).sum()) / 2 - u[2] * c[2]
         return _cosine_and_sine(
-            float(u[0] * c[0] + u[1] * c[1]), float(u[0] * c[1] - u[1] * c[0]), rest
+            float(u[0] * c[0] + u[1] * c[1]), float(u[0] * c[1] - u[1] * c[0]), height
         )
 
     def _line_in_forearm(self, elbow: np.ndarray) -> np.ndarray:
@@ -340,13 +340,13 @@ def _basis(direction: np.ndarray) -> np.ndarray:
     return np.stack([np.cross(second, third), second, third], axis=2)
 
 
-def _cosine_and_sine(a: float, b: float, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the two angles x (n, 2) with a cos x + b sin x = rest (n,), and where there are any (n,).
+def _cosine_and_sine(a: float, b: float, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the two angles x (n, 2) with a cos x + b sin x = height (n,), and where there are any (n,).
 
     Where rounding leaves none, the nearest one is both.
     """
     size = float(np.hypot(a, b))
-    share = rest / max(size, 1e-300)
+    share = height / max(size, 1e-300)
     half = np.arccos(np.clip(share, -1.0, 1.0))
     middle = np.arctan2(b, a)
     return np.stack([middle + half, middle - half], axis=1), np.abs(share) <= 1.0 + 1e-12

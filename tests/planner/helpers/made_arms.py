@@ -103,7 +103,8 @@ def _origin(pose):
     roll = math.atan2(turn[2, 1], turn[2, 2])
     yaw = math.atan2(turn[1, 0], turn[0, 0])
     if abs(turn[2, 0]) > 1 - 1e-12:
-        roll, yaw = 0.0, math.atan2(-turn[0, 1], turn[1, 1])
+        roll = 0.0
+        yaw = math.atan2(-turn[0, 1], turn[1, 1])
     angles = (roll, pitch, yaw)
     return f'<origin xyz="{xyz}" rpy="{" ".join(repr(float(v)) for v in angles)}"/>'
 

@@ -32,11 +32,10 @@ def forward(name, joints):
     rows, flange_mm, _ = ARMS[name]
     poses = np.tile(np.eye(4), (len(joints), 1, 1))
     for k, (a, alpha, d, theta, *_) in enumerate(rows):
-        c, s = (
-            np.cos(joints[:, k] + math.radians(theta)),
-            np.sin(joints[:, k] + math.radians(theta)),
-        )
-        ca, sa = math.cos(math.radians(alpha)), math.sin(math.radians(alpha))
+        c = np.cos(joints[:, k] + math.radians(theta))
+        s = np.sin(joints[:, k] + math.radians(theta))
+        ca = math.cos(math.radians(alpha))
+        sa = math.sin(math.radians(alpha))
         step = np.zeros((len(joints), 4, 4))
         step[:, 0] = np.stack([c, -s, 0 * c, 0 * c + a], axis=1)
         step[:, 1] = np.stack([s * ca, c * ca, 0 * c - sa, 0 * c - sa * d], axis=1)
