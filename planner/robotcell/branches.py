@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from aspectgraph.exceptions import how_to_install
+from ground.decorators import njit
 from planner.exceptions import RobotError
 from planner.robotcell.urdf import UrdfArm, about, compose, invert, to_axis
 
@@ -104,17 +105,7 @@ class Chain:
 
     def frames(self, q: np.ndarray) -> np.ndarray:
         """Return the frames F_0 … F_k of joints (n, k) in the base; (n, k + 1, 4, 4)."""
-        frames = np.empty((len(q), len(self.steps) + 1, 4, 4))
-        frames[:, 0] = np.eye(4)
-        cosines = np.cos(q)[:, :, None]
-        sines = np.sin(q)[:, :, None]
-        for k, step in enumerate(self.steps):
-            before = compose(frames[:, k], step)
-            after = frames[:, k + 1]
-            after[:] = before
-            after[:, :, 0] = cosines[:, k] * before[:, :, 0] + sines[:, k] * before[:, :, 1]
-            after[:, :, 1] = cosines[:, k] * before[:, :, 1] - sines[:, k] * before[:, :, 0]
-        return frames
+        return np.asarray(_frames(self.steps, np.cos(q), np.sin(q)))
 
     def tips(self, frames: np.ndarray) -> np.ndarray:
         """Return the poses (n, 4, 4) of the tip."""
@@ -132,6 +123,33 @@ class Chain:
         offsets = np.concatenate([self.steps[1:], self.tip[None]])[:, :3, 3]
         lengths = np.sqrt((offsets**2).sum(axis=1))
         return np.cumsum(lengths[::-1])[::-1]
+
+
+@njit(error_model="numpy")
+def _frames(steps: np.ndarray, cosines: np.ndarray, sines: np.ndarray) -> np.ndarray:
+    """Return the frames (n, k + 1, 4, 4) of joints with cosines and sines (n, k), for the constant steps (k, 4, 4)."""
+    n, n_joints = cosines.shape
+    frames = np.zeros((n, n_joints + 1, 4, 4))
+    for row in range(n):
+        for i in range(4):
+            frames[row, 0, i, i] = 1.0
+        for k in range(n_joints):
+            before = frames[row, k]
+            after = frames[row, k + 1]
+            step = steps[k]
+            c = cosines[row, k]
+            s = sines[row, k]
+            for i in range(4):
+                for j in range(4):
+                    total = 0.0
+                    for m in range(4):
+                        total += before[i, m] * step[m, j]
+                    after[i, j] = total
+                x = after[i, 0]
+                y = after[i, 1]
+                after[i, 0] = c * x + s * y
+                after[i, 1] = c * y - s * x
+    return frames
 
 
 class JointLimits:
