@@ -48,7 +48,7 @@ from planner.text_table import (
     print_text,
     words,
 )
-from planner.verify.simulate_setting import CONFIRMED
+from planner.verify.simulate_setting import CONFIDENCE, CONFIRMED, lower_bound
 
 if TYPE_CHECKING:
     from aspectgraph import GeometricTolerance, ModelDimension, ModelRequirements
@@ -556,8 +556,19 @@ def print_prediction(predicted: PosesPrediction, source: str, frame: str) -> Non
         print_table(_MISSED, [(name, words(why)) for name, why in missed.items()])
     else:
         print_text(f"The poses inspect {count(len(names), 'target')}, all that are wanted.")
+    if rows:
+        print_text(_counted_over(predicted))
     if note := _doubts(predicted):
         print_text(note)
+
+
+def _counted_over(predicted: PosesPrediction) -> str:
+    """Return how P_all was counted, which limits how large it can be."""
+    n = max(target.p_all_poses for targets in predicted.predictions for target in targets.values())
+    return (
+        f"P_all: lower bound with {100 * CONFIDENCE:g} % confidence over {n} displaced poses, as in a plan; "
+        f"{probability_text(lower_bound(n, n))} if none of them fails."
+    )
 
 
 def _predicted_row(pose: str, name: str, target: PosePrediction) -> tuple[str, ...]:

@@ -59,11 +59,11 @@ from planner.search.plan_setting import setting_at, without
 from planner.search.realise_column import (
     ALL_TRIALS,
     JOINT_POSES,
-    JOINT_SURE_POSES,
     Supported,
     centre_setting,
     joint_bounds,
     keeps,
+    poses_stated,
     with_p_all,
     without_contradicted,
     without_corners,
@@ -81,8 +81,6 @@ if TYPE_CHECKING:
 # That pose is moved off its limits, and what it promises is counted.
 
 
-# for what a plan states: displaced poses times targets, in all of its settings together
-_JOINT_ALL_POSES = 400_000
 # for a target that lacks the required P_all in the final settings: poses of other columns that
 # are simulated for it
 _RETRIED = 8
@@ -448,8 +446,7 @@ def centre_all(
     poses = JOINT_POSES
     early = until is not None
     if not early:
-        each = _JOINT_ALL_POSES // max(sum(len(setting_of.entities) for setting_of in settings), 1)
-        poses = min(JOINT_SURE_POSES, max(each, poses))
+        poses = poses_stated(sum(len(setting_of.entities) for setting_of in settings))
     tasks = [
         (
             run.shared,
