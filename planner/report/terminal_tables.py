@@ -17,6 +17,7 @@ from planner.progress import visible
 from planner.report.part_tables import vector_text
 from planner.report.tables import nearest_limits
 from planner.report.wording import (
+    brief_verdict,
     edges_text,
     evolved_sentence,
     features_cell,
@@ -239,7 +240,7 @@ def print_plan(plan: InspectionPlan) -> None:
     print_table(*_measurements(plan))
     _print_lamps(plan)
     print()
-    print_text(words(verdict(plan), names))
+    print_text(words(brief_verdict(plan), names))
     _print_not_inspected(plan)
     for text in _notes(plan):
         print_text(words(text, names), indent="  ")
@@ -295,18 +296,12 @@ def _notes(plan: InspectionPlan) -> list[str]:
         unlit = {} if plan.light is None else plan.light.unlit[k]
         unshown = [f"not shown: {name}: {reason}" for name, reason in unlit.items()]
         texts += [f"setting {k + 1}: {text}" for text in [*unshown_texts(images, k), *unshown]]
-    if plan.light is not None and (
-        dark := sorted({name for reasons in plan.light.unlit for name in reasons})
-    ):
-        texts.insert(0, f"incomplete, since no lamp shows {', '.join(dark)}")
     if text := given_text(plan):
         texts.append(text)
     if text := near_lines_text(plan):
         texts.append(text)
     if text := edges_text(plan):
         texts.append(f"edges: {text}")
-    if text := evolved_sentence(plan):
-        texts.append(text)
     return texts
 
 
@@ -314,6 +309,13 @@ def print_explanation(plan: InspectionPlan) -> None:
     """Print what the probabilities of a plan mean; nothing of a plan without settings."""
     if plan.settings:
         print_text(promise_sentence(plan))
+
+
+def print_details(plan: InspectionPlan) -> None:
+    """Print what is proven, simulated and lit, and how poses were found; nothing of a plan without settings."""
+    if plan.settings:
+        sentences = [verdict(plan), evolved_sentence(plan)]
+        print_text(words(" ".join(filter(None, sentences)), list(plan.entities)))
 
 
 def _print_not_inspected(plan: InspectionPlan) -> None:

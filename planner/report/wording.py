@@ -197,7 +197,8 @@ def unstated_edges_text(plan: InspectionPlan) -> str:
     return (
         f"planned as sharp; a break of {TYPICAL_BREAK_MM:g} mm would move {target.name} by up to {shift:.2g} "
         f"{target.unit}, its U is {expanded:.2g} {target.unit}. 'measure' assumes breaks of up to {assumed.high_mm:g} "
-        f"mm where none is stated (edge_break_mm or --edges), and then its U is about {measured:.2g} {target.unit}"
+        f"mm where none is stated (edge_break_mm or --edges). Its U is then about {measured:.2g} {target.unit}, and less "
+        "where the image tells how the light falls"
     )
 
 
@@ -453,13 +454,9 @@ def lamp_texts(plan: InspectionPlan, k: int) -> list[str]:
 
 def verdict(plan: InspectionPlan) -> str:
     """Say in a few sentences how good a plan is."""
-    inspected = len(plan.inspected)
     n = len(plan.settings)
     items = words_of(plan.targets).items
-    sentences = [
-        f"{inspected} of {count(len(plan.entities), *items)} inspected from {count(n, 'setting')}."
-    ]
-    sentences.append(features_sentence(plan))
+    sentences = [f"{_inspected_text(plan)}.", _dark_sentence(plan), features_sentence(plan)]
     if n:
         sentences.append(bound_sentence(plan, items))
         sentences += simulated_sentences(plan)
@@ -469,6 +466,51 @@ def verdict(plan: InspectionPlan) -> str:
         sentences.append(light_sentence(plan))
     sentences.append(unlit_sentence(plan))
     return " ".join(filter(None, sentences))
+
+
+def brief_verdict(plan: InspectionPlan) -> str:
+    """Say in two sentences how good a plan is, and in more what is not as it should be."""
+    n = len(plan.settings)
+    head = _inspected_text(plan)
+    if n and plan.request.poses is None:
+        least = f"; at least {plan.lower_bound} {'is' if plan.lower_bound == 1 else 'are'} needed"
+        head += ", proven to be the fewest" if plan.minimal else least
+        if not plan.complete:
+            head += " for these" if len(plan.inspected) > 1 else " for this one"
+    sentences = [f"{head}.", _dark_sentence(plan), features_sentence(plan)]
+    if n and plan.request.poses is not None:
+        sentences.append(bound_sentence(plan, words_of(plan.targets).items))
+    if n and plan.simulation is not None and _all_confirmed(plan.simulation):
+        poses = count(plan.simulation.n, "displaced pose")
+        sentences.append(f"A simulation of {poses} per setting confirms the plan.")
+    elif n:
+        sentences += simulated_sentences(plan)
+    if plan.unfinished:
+        sentences.append(unfinished_sentence(plan))
+    sentences.append(unlit_sentence(plan))
+    return " ".join(filter(None, sentences))
+
+
+def _inspected_text(plan: InspectionPlan) -> str:
+    """Return how many targets cameras inspect and lamps show, without a full stop."""
+    shown = len(plan.inspected) - len(plan.unlit)
+    items = words_of(plan.targets).items
+    settings = count(len(plan.settings), "setting")
+    return f"{shown} of {count(len(plan.entities), *items)} inspected from {settings}"
+
+
+def _dark_sentence(plan: InspectionPlan) -> str:
+    return f"No lamp shows {', '.join(plan.unlit)}." if plan.unlit else ""
+
+
+def _all_confirmed(result: SimulationResult) -> bool:
+    """Return whether every probability is confirmed, and every displaced image shows what it must."""
+    kinds = result.verdicts
+    every = kinds[CONFIRMED] == sum(kinds.values()) > 0
+    images = result.shown
+    return every and (
+        images is None or all(n == images.n for counts in images.counts for n in counts.values())
+    )
 
 
 def evolved_sentence(plan: InspectionPlan) -> str:
