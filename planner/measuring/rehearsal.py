@@ -25,6 +25,7 @@ from errors.measurands import Circle, Line
 from ground.convert import Meta, Shape, to_plain
 from planner.argument_kinds import NOT_NEGATIVE, check_count, check_kinds, check_number
 from planner.camera.camera import Camera, tangents_of
+from planner.camera.response import LINEAR, Response
 from planner.files import staged_folder, write_text
 from planner.light.area_light import AreaLight
 from planner.light.light_plan import WHITE_SHARE, beside
@@ -60,6 +61,8 @@ DARK_SHARE = 0.04
 """Grey value behind the part and in shadows, as a share of white."""
 
 _BRIGHT_GROUND = 0.85
+# grey value of full exposure, of 8 bits
+_WHITE = 255
 # rays along each side of a pixel where the picture changes by more than this share of the brightest place
 _SAMPLES = 4
 _CHANGE = 0.01
@@ -90,6 +93,10 @@ class Truth:
         True values of the targets in each image, in mm (angles: degrees).
     poses : dict of str to array (4, 4)
         Where the camera was, by image: camera to world, mm.
+    response : str
+        Of the grey values: that of the plan's camera, otherwise "linear".
+    white_level : int
+        Grey value of full exposure.
     """
 
     seed: int
@@ -100,6 +107,8 @@ class Truth:
         default=FORMAT
     )
     version: Literal[1] = 1
+    response: str = LINEAR.text
+    white_level: Annotated[int, Meta(gt=0, title="must be a number above 0")] = _WHITE
 
 
 class Rendered(NamedTuple):
@@ -110,13 +119,13 @@ class Rendered(NamedTuple):
     shot : Shot
         Which.
     grey : array (h, w)
-        8 bits, proportional to light.
+        Of the camera's response. Of 8 bits, or of 16 where the camera's ``white_level`` is above 255.
     pose : array (4, 4)
         Where the camera was.
     """
 
     shot: Shot
-    grey: NDArray[np.uint8]
+    grey: NDArray[np.uint8 | np.uint16]
     pose: Array
 
 
@@ -407,11 +416,16 @@ class Rehearsal:
         poses = [self._drawn_pose(k, exact_poses) for k in range(len(plan.settings))]
         middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
         self._renderer = _Renderer(part.scene, plan.camera, middle)
+        self._response = LINEAR
+        if plan.camera.response is not None:
+            self._response = Response.of(plan.camera.response)
         self.truth = Truth(
             seed,
             float(surfaces_mm),
             {shot.name: self._values(part, shot) for shot in self._shots},
             {shot.name: poses[shot.setting] for shot in self._shots},
+            response=self._response.text,
+            white_level=plan.camera.white_level or _WHITE,
         )
 
     @property
@@ -432,9 +446,17 @@ class Rehearsal:
             grey = self._renderer.image(pose, self._light(shot, pose), self._rng)
             # as a person sets the exposure: by the brightest place beside what is measured
             exposed = WHITE_SHARE * grey / max(self._bright(shot, grey, pose), 1e-9)
-            exposed += NOISE_SHARE * self._rng.standard_normal(grey.shape)
-            levels = np.clip(np.rint(255 * exposed), 0, 255).astype(np.uint8)
-            yield Rendered(shot, levels, pose)
+            yield Rendered(shot, self._levels(exposed), pose)
+
+    def _levels(self, light: Array) -> NDArray[np.uint8 | np.uint16]:
+        """Return grey values as the camera states them: of its response, up to its white."""
+        share = light
+        if not self._response.is_linear:
+            share = self._response.level(light)
+        share = share + NOISE_SHARE * self._rng.standard_normal(light.shape)
+        white = self.truth.white_level
+        depth = np.uint8 if white <= _WHITE else np.uint16
+        return np.clip(np.rint(white * share), 0, white).astype(depth)
 
     def write(
         self,

@@ -34,6 +34,7 @@ from planner.report.wording import (
     simulation_sentence,
     unshown_texts,
     verdict,
+    white_text,
     window_text,
 )
 from planner.request.problem import why_missed
@@ -53,6 +54,7 @@ from planner.verify.simulate_setting import CONFIDENCE, CONFIRMED, lower_bound
 
 if TYPE_CHECKING:
     from aspectgraph import GeometricTolerance, ModelDimension, ModelRequirements
+    from planner.camera.camera import Camera
     from planner.light.light_plan import Exposure
     from planner.request.targets import Target
     from planner.sensor_setting import SensorSetting
@@ -271,7 +273,7 @@ def _print_lamps(plan: InspectionPlan) -> None:
                     places[0] if len(places) == 1 else None,
                     len(image.contrast),
                     words(f"{name} {contrast:.2f}{silhouette}", [name]),
-                    _exposed(image.expose_for),
+                    _exposed(image.expose_for, plan.camera),
                 )
             )
     if rows:
@@ -279,13 +281,13 @@ def _print_lamps(plan: InspectionPlan) -> None:
         print_table(columns, rows)
 
 
-def _exposed(exposure: Exposure | None) -> str:
+def _exposed(exposure: Exposure | None, camera: Camera) -> str:
     """Say which place of an image must be how bright; nothing of plans that do not state it."""
     if exposure is None:
         return ""
     column, row = exposure.pixel
     place = f"the mean within {exposure.radius_px} px of pixel" if exposure.radius_px else "pixel"
-    return f"{place} ({column}, {row}) has {100 * exposure.share:.2g} % of white"
+    return f"{place} ({column}, {row}) has {white_text(exposure.share, camera)}"
 
 
 def _notes(plan: InspectionPlan) -> list[str]:

@@ -10,8 +10,11 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from errors.checks import percent_text
 from errors.measurands.measurand import COVERAGE
+from planner.camera.response import Response
 from planner.detectability.image_check import MOST_PX
 from planner.progress import duration
 from planner.request.camera_limits import LEAST_SIGMAS, corner_margin_px
@@ -197,8 +200,8 @@ def unstated_edges_text(plan: InspectionPlan) -> str:
     return (
         f"planned as sharp; a break of {TYPICAL_BREAK_MM:g} mm would move {target.name} by up to {shift:.2g} "
         f"{target.unit}, its U is {expanded:.2g} {target.unit}. 'measure' assumes breaks of up to {assumed.high_mm:g} "
-        f"mm where none is stated (edge_break_mm or --edges). Its U is then about {measured:.2g} {target.unit}, and less "
-        "where the image tells how the light falls"
+        f"mm where none is stated (edge_break_mm or --edges). Its U is then about {measured:.2g} {target.unit}, and "
+        "less where the image tells how the light falls"
     )
 
 
@@ -414,6 +417,23 @@ def light_sentence(plan: InspectionPlan) -> str:
     images = f" {taken} more than one image, {sum(several)} in total." if several else ""
     switched = "all on together" if light.together else "one lamp at a time"
     return f"{lamps} {shown} {contrast}, {switched}{f' ({proof})' if n else ''}.{images}"
+
+
+def white_text(share: float, camera: Camera) -> str:
+    """Return how bright a place of an image must be: a share of white, and its grey value of a known response.
+
+    Parameters
+    ----------
+    share : float
+        Share of the light of full exposure.
+    camera : Camera
+        Its response and its white level, if they are stated.
+    """
+    if camera.response is None or Response.of(camera.response).is_linear:
+        return f"{100 * share:.2g} % of white"
+    white = camera.white_level or 255
+    level = float(Response.of(camera.response).level(np.array(share)))
+    return f"grey value {white * level:.0f} of {white}"
 
 
 def lamps_named(image: LitImage, light: LightPlan) -> str:

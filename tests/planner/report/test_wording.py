@@ -342,9 +342,7 @@ def test_what_no_lamp_shows_is_not_counted_as_inspected():
     """Shown in one of two settings is shown; the other target is in the dark in its only setting."""
     image = (LitImage((0,), {"top front": 0.3}),)
     dark = ({"top right": "in the shadow", "top front": "in the shadow"}, {})
-    light = LightPlan(
-        "placed", 0.1, 0.1, "dark", np.zeros((1, 3)), ((), image), dark, 1, "by hand"
-    )
+    light = LightPlan("placed", 0.1, 0.1, "dark", np.zeros((1, 3)), ((), image), dark, 1, "by hand")
     settings = (
         setting((0.0, 0.0, 300.0), ["top front", "top right"]),
         setting((0.0, 20.0, 300.0), ["top front"]),

@@ -203,7 +203,7 @@ def test_a_registered_prediction_is_that_of_the_plan(block, registration):
 
 
 def assert_within_chance(ours, row):
-    """Both bounds are of as many draws: they differ by five standard errors at most, and are equal without a failure."""
+    """Both bounds are of as many draws: they differ by five standard errors at most."""
     n = ours.p_all_poses
     assert n == 20_000
     error = np.sqrt(2 * row["p_all"] * (1 - row["p_all"]) / n)
