@@ -29,6 +29,7 @@ from planner.robotprogram.program import FixturedTour, RobotProgram, Stop
 from planner.robotprogram.program_texts import (
     FORMATS,
     CameraSignals,
+    check_program_file,
     check_program_speed,
     write_program,
 )
@@ -54,6 +55,7 @@ def program(options: Program) -> int:
     if options.plan_out is not None:
         check_file_place(options.plan_out, "--plan-out", PLAN)
     check_program_speed(options.speed, options.format)
+    check_program_file(Path(out), options.format, "--out")
     signals = CameraSignals(
         settle_s=options.settle,
         trigger_output=options.trigger_output,

@@ -8,9 +8,10 @@ part looks.
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
@@ -61,6 +62,7 @@ DARK_SHARE = 0.04
 """Grey value behind the part and in shadows, as a share of white."""
 
 _BRIGHT_GROUND = 0.85
+_RENDERING = "rendering images"
 # grey value of full exposure, of 8 bits
 _WHITE = 255
 # rays along each side of a pixel where the picture changes by more than this share of the brightest place
@@ -312,12 +314,29 @@ class _Renderer:
         self._camera = camera
         self._middle = middle
 
-    def image(self, pose: Array, light: _Light, rng: np.random.Generator) -> Array:
-        """Return the light at each pixel (h, w), several rays for each where it changes."""
+    @property
+    def steps(self) -> int:
+        """How many steps an image takes; those with many rays come first."""
+        width, height = self._camera.resolution
+        return -(-width * height // _RAYS) + _SAMPLES**2
+
+    def image(
+        self,
+        pose: Array,
+        light: _Light,
+        rng: np.random.Generator,
+        on_step: Callable[[], None] = lambda: None,
+    ) -> Array:
+        """Return the light at each pixel (h, w), several rays for each where it changes, and tell of each step."""
         width, height = self._camera.resolution
         v, u = np.mgrid[:height, :width]
         pixels = np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float64)
-        grey = self._at(pixels, pose, light).reshape(height, width)
+        grey = np.empty(len(pixels))
+        for start in range(0, len(pixels), _RAYS):
+            part = slice(start, start + _RAYS)
+            grey[part] = self._at(pixels[part], pose, light)
+            on_step()
+        grey = grey.reshape(height, width)
         change = maximum_filter(grey, 3) - minimum_filter(grey, 3) > _CHANGE
         again = np.flatnonzero(binary_dilation(change, iterations=2))
         cells = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
@@ -325,6 +344,7 @@ class _Renderer:
         for step in np.stack(np.meshgrid(cells, cells), axis=-1).reshape(-1, 2):
             jitter = rng.uniform(-0.5, 0.5, (len(again), 2)) / _SAMPLES
             total += self._at(pixels[again] + step + jitter, pose, light)
+            on_step()
         grey.flat[again] = total / _SAMPLES**2
         return np.asarray(gaussian_filter(grey, BLUR_PX, mode="nearest"))
 
@@ -433,17 +453,30 @@ class Rehearsal:
         """Whether the plan has no lamps, so that a light on the camera stands for them."""
         return self._plan.light is None
 
-    def images(self) -> Iterator[Rendered]:
+    def images(self, progress: Progress | None = None) -> Iterator[Rendered]:
         """Render one image after the other, in the order of the plan.
+
+        Parameters
+        ----------
+        progress : callable, optional
+            Takes how many steps are done, of how many, and a label.
 
         Yields
         ------
         Rendered
             Image, what it is of, and its pose.
         """
+        every = self._renderer.steps * len(self._shots)
+        count = itertools.count(1)
+        report(progress, 0, every, _RENDERING)
         for shot in self._shots:
             pose = self.truth.poses[shot.name]
-            grey = self._renderer.image(pose, self._light(shot, pose), self._rng)
+            grey = self._renderer.image(
+                pose,
+                self._light(shot, pose),
+                self._rng,
+                lambda: report(progress, next(count), every, _RENDERING),
+            )
             # as a person sets the exposure: by the brightest place beside what is measured
             exposed = WHITE_SHARE * grey / max(self._bright(shot, grey, pose), 1e-9)
             yield Rendered(shot, self._levels(exposed), pose)
@@ -473,7 +506,7 @@ class Rehearsal:
         parameter : str
             What the caller knows the folder as.
         progress : callable, optional
-            Takes how many images are done, of how many, and a label.
+            Takes how many steps are done, of how many, and a label.
 
         Returns
         -------
@@ -489,10 +522,8 @@ class Rehearsal:
 
         names = [TRUTH, *(f"{shot.name}.png" for shot in self._shots)]
         with staged_folder(folder, names, parameter) as staging:
-            report(progress, 0, len(self._shots), "images")
-            for n_done, rendered in enumerate(self.images(), 1):
+            for rendered in self.images(progress):
                 Image.fromarray(rendered.grey).save(staging / f"{rendered.shot.name}.png")
-                report(progress, n_done, len(self._shots), "images")
             text = json.dumps(to_plain(self.truth), indent=1, allow_nan=False, ensure_ascii=False)
             write_text(staging / TRUTH, text + "\n")
         return [str(Path(folder) / name) for name in names]
