@@ -255,7 +255,7 @@ class InspectionPlan(PlanTables):
             return ()
         lit = {
             name
-            for setting, dark in zip(self.settings, self.light.unlit, strict=True)
+            for setting, dark in zip(self.settings, self.light.unlit, strict=False)
             for name in setting.entities
             if name not in dark
         }

@@ -217,8 +217,8 @@ def terminal_progress(
             if not waiting:
                 yield line_stream
                 return
-            with _Waiting(line_stream, all_told=True) as told:
-                yield told
+            with _Waiting(line_stream, all_told=True) as progress:
+                yield progress
 
 
 @contextmanager

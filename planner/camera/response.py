@@ -160,13 +160,13 @@ class Response:
 
         Light is taken as 0 at least, and a curve ends with its last row.
         """
-        given = np.maximum(np.asarray(light, dtype=np.float64), 0.0)
+        exposure = np.maximum(np.asarray(light, dtype=np.float64), 0.0)
         if self.levels:
-            return np.interp(given, self.lights, self.levels)
+            return np.interp(exposure, self.lights, self.levels)
         if self.text == SRGB_NAME:
-            power = (1 + _SRGB_OFFSET) * given ** (1 / _SRGB_POWER) - _SRGB_OFFSET
-            return np.where(given <= _SRGB_END / _SRGB_SLOPE, _SRGB_SLOPE * given, power)
-        return np.asarray(self.black + (1 - self.black) * given ** (1 / self.gamma))
+            power = (1 + _SRGB_OFFSET) * exposure ** (1 / _SRGB_POWER) - _SRGB_OFFSET
+            return np.where(exposure <= _SRGB_END / _SRGB_SLOPE, _SRGB_SLOPE * exposure, power)
+        return np.asarray(self.black + (1 - self.black) * exposure ** (1 / self.gamma))
 
     def applied(self, levels: NDArray[np.float32], white: float) -> NDArray[np.float32]:
         """Return light (h, w) of grey values (h, w), scaled so that full exposure remains the same number."""

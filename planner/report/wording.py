@@ -493,8 +493,8 @@ def brief_verdict(plan: InspectionPlan) -> str:
     n = len(plan.settings)
     head = _inspected_text(plan)
     if n and plan.request.poses is None:
-        least = f"; at least {plan.lower_bound} {'is' if plan.lower_bound == 1 else 'are'} needed"
-        head += ", proven to be the fewest" if plan.minimal else least
+        bound = f"; at least {plan.lower_bound} {'is' if plan.lower_bound == 1 else 'are'} needed"
+        head += ", proven to be the fewest" if plan.minimal else bound
         if not plan.complete:
             head += " for these" if len(plan.inspected) > 1 else " for this one"
     sentences = [f"{head}.", _dark_sentence(plan), features_sentence(plan)]

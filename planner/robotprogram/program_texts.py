@@ -411,7 +411,9 @@ def check_program_file(path: Path, format: str, parameter: str) -> None:
         What the caller knows the file as.
     """
     name = path.stem
-    if format == "krl" and not re.fullmatch(rf"[A-Za-z_]\w{{0,{_MOST_KRL_LETTERS - 1}}}", name, re.ASCII):
+    if format == "krl" and not re.fullmatch(
+        rf"[A-Za-z_]\w{{0,{_MOST_KRL_LETTERS - 1}}}", name, re.ASCII
+    ):
         rule = (
             f"must be named by up to {_MOST_KRL_LETTERS} letters, digits and _, not beginning with a digit: "
             "a program in KRL has the name of its file"
