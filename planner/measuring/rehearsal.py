@@ -331,12 +331,12 @@ class _Renderer:
         width, height = self._camera.resolution
         v, u = np.mgrid[:height, :width]
         pixels = np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float64)
-        grey = np.empty(len(pixels))
+        light_at = np.empty(len(pixels))
         for start in range(0, len(pixels), _RAYS):
             part = slice(start, start + _RAYS)
-            grey[part] = self._at(pixels[part], pose, light)
+            light_at[part] = self._at(pixels[part], pose, light)
             on_step()
-        grey = grey.reshape(height, width)
+        grey = light_at.reshape(height, width)
         change = maximum_filter(grey, 3) - minimum_filter(grey, 3) > _CHANGE
         again = np.flatnonzero(binary_dilation(change, iterations=2))
         cells = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
