@@ -672,7 +672,7 @@ def _approaches(
     """
     n_pairs = len(pairs.first)
     shares = np.empty((len(frames), n_pairs))
-    least = reach.copy()
+    together = reach.copy()
     motions = np.empty((len(frames), n_pairs))
     placed = np.empty_like(spheres.centres)
     moved = np.empty(turning.levers.shape)
@@ -695,8 +695,8 @@ def _approaches(
             motions[row, pair] = total
             # pairs that do not move against each other are as near as they were
             shares[row, pair] = (gap - turning.required[pair]) / total if total > 0 else np.inf
-            least[row] = min(least[row], shares[row, pair])
-    return shares, motions, least
+            together[row] = min(together[row], shares[row, pair])
+    return shares, motions, together
 
 
 @njit(error_model="numpy")
@@ -710,15 +710,15 @@ def _carry(frame: np.ndarray, point: np.ndarray, moved: np.ndarray) -> None:
 @njit(error_model="numpy")
 def _least_gap(placed: np.ndarray, spheres: _Spheres, first: int, second: int) -> float:
     """Return the least gap between the spheres of two bodies, for their centres (s, 3), mm."""
-    least = np.inf
+    nearest = np.inf
     for i in range(spheres.starts[first], spheres.starts[first + 1]):
         for j in range(spheres.starts[second], spheres.starts[second + 1]):
             x = placed[i, 0] - placed[j, 0]
             y = placed[i, 1] - placed[j, 1]
             z = placed[i, 2] - placed[j, 2]
             gap = np.sqrt(x * x + y * y + z * z) - (spheres.radii[i] + spheres.radii[j])
-            least = min(least, gap)
-    return least
+            nearest = min(nearest, gap)
+    return nearest
 
 
 @njit(error_model="numpy")
@@ -726,7 +726,7 @@ def _least_outside(
     placed: np.ndarray, spheres: _Spheres, boxes: StandingBoxes, body: int, box: int
 ) -> float:
     """Return the least gap between the spheres of a body, at (s, 3), and the box about one that stands still, mm."""
-    least = np.inf
+    nearest = np.inf
     turn = boxes.turns[box]
     for k in range(spheres.starts[body], spheres.starts[body + 1]):
         square = 0.0
@@ -735,8 +735,8 @@ def _least_outside(
             at += boxes.shifts[box, i]
             outside = max(max(boxes.lows[box, i] - at, at - boxes.highs[box, i]), 0.0)
             square += outside * outside
-        least = min(least, np.sqrt(square) - spheres.radii[k])
-    return least
+        nearest = min(nearest, np.sqrt(square) - spheres.radii[k])
+    return nearest
 
 
 @njit(error_model="numpy")
