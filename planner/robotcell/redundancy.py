@@ -23,7 +23,14 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from planner.exceptions import RobotError
-from planner.robotcell.branches import SIX, Branches, Chain, JointLimits, firsts_in_order
+from planner.robotcell.branches import (
+    SIX,
+    Branches,
+    Chain,
+    JointLimits,
+    NoClosedFormError,
+    firsts_in_order,
+)
 from planner.robotcell.urdf import compose, invert
 
 _TURN = 2 * np.pi
@@ -57,7 +64,12 @@ _WALKED = 0.25
 _WALKS = 12
 """Along a curve joints are kept after each step of this length, rad, and so many to each side."""
 _TESTED = 24
+# a test from the joints that searches start from would always be met
+_START_SEED = 0
+_TEST_SEED = 1
 _LEAST_REFOUND = 0.9
+_REFOUND = 1e-4
+"""Drawn joints of six count as found again up to this, rad."""
 
 
 class _Starts(Protocol):
@@ -98,8 +110,14 @@ class RedundantBranches(JointLimits):
         self._apart = _APART if self._is_redundant else _SAME
         self._starts = _starts_of(chain, lower, upper)
         self._drawn: _Drawn | None = None
-        draws = _draws(lower, upper, _TESTED)
-        solved = len(np.unique(self.of(chain.tips(chain.frames(draws)))[1]))
+        draws = _draws(lower, upper, _TESTED, _TEST_SEED)
+        q, owner = self.of(chain.tips(chain.frames(draws)))
+        if not self._is_redundant:
+            # poses of six joints must lead back to these joints, not only to some
+            turned = np.abs(q - draws[owner])
+            apart = np.abs(turned - _TURN * np.round(turned / _TURN)).max(axis=1, initial=0.0)
+            owner = owner[apart <= _REFOUND]
+        solved = len(np.unique(owner))
         if solved < _LEAST_REFOUND * _TESTED:
             rule = "must be an arm whose joints are found from the poses they lead to"
             raise RobotError.of_rule("robot", rule, f"{solved} of {_TESTED} drawn poses")
@@ -214,11 +232,9 @@ def branches_of(chain: Chain, lower: np.ndarray, upper: np.ndarray) -> Branches 
         return RedundantBranches(chain, lower, upper)
     try:
         return Branches(chain, lower, upper)
-    except RobotError as error:
-        if not error.parameter:
-            # the extra is missing
-            raise
-    return RedundantBranches(chain, lower, upper)
+    except NoClosedFormError:
+        # a closed form that fails its self-test is refused
+        return RedundantBranches(chain, lower, upper)
 
 
 def _starts_of(chain: Chain, lower: np.ndarray, upper: np.ndarray) -> _Starts:
@@ -244,11 +260,11 @@ def _of(rows: np.ndarray, q: np.ndarray, owner: np.ndarray) -> tuple[np.ndarray,
     return q[chosen], owner[chosen]
 
 
-def _draws(lower: np.ndarray, upper: np.ndarray, count: int) -> np.ndarray:
+def _draws(lower: np.ndarray, upper: np.ndarray, count: int, seed: int) -> np.ndarray:
     """Return drawn joints (n, k) within limits, a turn at most."""
     low = np.maximum(lower, -np.pi)
     high = np.maximum(np.minimum(upper, np.pi), low)
-    return np.asarray(np.random.default_rng(0).uniform(low, high, (count, len(lower))))
+    return np.asarray(np.random.default_rng(seed).uniform(low, high, (count, len(lower))))
 
 
 # Shoulder, elbow circle and wrist.
@@ -480,7 +496,7 @@ class _Drawn:
 
     def __init__(self, chain: Chain, lower: np.ndarray, upper: np.ndarray) -> None:
         self._chain = chain
-        self._q = _draws(lower, upper, _DRAWS)
+        self._q = _draws(lower, upper, _DRAWS, _START_SEED)
         self._length = float(chain.reach_mm()[0])
         self._tree = KDTree(self._numbers(chain.tips(chain.frames(self._q))))
 
