@@ -15,8 +15,8 @@ from aspectgraph.files import read_text
 from planner.argument_kinds import POSITIVE, shown
 from planner.exceptions import RobotError
 from planner.robotcell.bodies import Hull, hull_of, read_triangles, round_points
-from planner.robotcell.branches import SIX, Branches, Chain
-from planner.robotcell.redundancy import RedundantBranches
+from planner.robotcell.branches import Branches, Chain
+from planner.robotcell.redundancy import RedundantBranches, branches_of
 from planner.robotcell.urdf import (
     JOINT_COUNTS,
     LinkShape,
@@ -608,8 +608,7 @@ class Robot:
     def _solver(self) -> Branches | RedundantBranches:
         if self._branches is None:
             try:
-                kind = RedundantBranches if self.n_joints > SIX else Branches
-                self._branches = kind(self.chain, self.lower, self.upper)
+                self._branches = branches_of(self.chain, self.lower, self.upper)
             except RobotError as error:
                 if not (error.parameter and self._file):
                     raise

@@ -152,6 +152,10 @@ def _frames(steps: np.ndarray, cosines: np.ndarray, sines: np.ndarray) -> np.nda
     return frames
 
 
+class NoClosedFormError(RobotError):
+    """Six joints are near no arm with a closed form."""
+
+
 class JointLimits:
     """The limits of an arm's joints.
 
@@ -231,7 +235,9 @@ class Branches(JointLimits):
         hint = (
             f"axes may miss this by {1e3 * farthest.angle:g} mrad and {1e3 * farthest.length:g} mm"
         )
-        raise RobotError.of_rule("robot", rule, f"the unknown family {families[-1]}", hint=hint)
+        raise NoClosedFormError.of_rule(
+            "robot", rule, f"the unknown family {families[-1]}", hint=hint
+        )
 
     def of(self, tips: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return all branches of poses of the tip.

@@ -903,8 +903,7 @@ class Cell:
 class HeldPartCell(Cell):
     """A robot that holds the part before a camera that stands still, and everything it must not touch.
 
-    **Guarantee.** As that of `Cell`, with the part in the hand. The part in the hand counts as its
-    convex hull. So poses are refused at which the camera would look out of a hollow of the part.
+    **Guarantee.** As that of `Cell`, with the part in the hand, which keeps its shape.
 
     Parameters
     ----------

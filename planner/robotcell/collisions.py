@@ -22,6 +22,7 @@ from planner.robotcell.bodies import (
     Hull,
     Standing,
     StandingBoxes,
+    Surface,
     Turntable,
     geometry_of,
     grown,
@@ -47,12 +48,20 @@ class Moving:
         The body in that frame.
     is_held : bool
         Whether it is no link, but what the hand carries.
+    surface : Surface, optional
+        Its shape in that frame, where that is not its hull.
     """
 
     name: str
     segment: int
     hull: Hull
     is_held: bool = False
+    surface: Surface | None = None
+
+    @property
+    def shape(self) -> Hull | Surface:
+        """What of it may not be touched."""
+        return self.hull if self.surface is None else self.surface
 
 
 @dataclass(frozen=True, order=True)
@@ -93,7 +102,12 @@ class Arm:
         """Pairs of a link and what the hand carries that the mount leaves so little, mm: they may only not touch."""
         self._grown: dict[tuple[int, float], Any] = {}
         self._frames: dict[tuple[int, float], np.ndarray] = {}
-        self.placed = [fcl.CollisionObject(geometry_of(body.hull)) for body in bodies]
+        self.placed = [fcl.CollisionObject(geometry_of(body.shape)) for body in bodies]
+        self._solids = {
+            number: Standing(body.name, np.eye(4), body.surface)
+            for number, body in enumerate(bodies)
+            if body.surface is not None
+        }
         self.centres = [body.hull.corners.mean(axis=0) for body in bodies]
         segments = [body.segment for body in bodies]
         self.own_pairs = [
@@ -110,6 +124,23 @@ class Arm:
         """Return whether two of the bodies must keep the clearance, not only not touch."""
         is_held = self.bodies[first].is_held or self.bodies[second].is_held
         return is_held and (first, second) not in self.near_by_mount
+
+    def keeps_shape(self, number: int) -> bool:
+        """Return whether a body is no convex hull."""
+        return number in self._solids
+
+    def point_of(self, number: int, frames: np.ndarray) -> np.ndarray:
+        """Return a point (3,) of a body in one configuration's frames (k + 1, 4, 4), mm."""
+        body = self.bodies[number]
+        point = self.centres[number] if body.surface is None else body.surface.corners[0]
+        return carry(frames[body.segment], point[None])[0]
+
+    def holds(self, number: int, frames: np.ndarray, point: np.ndarray) -> bool:
+        """Return whether a point (3,) of the base is inside a body that keeps its shape."""
+        if number not in self._solids:
+            return False
+        back = invert(frames[self.bodies[number].segment])
+        return self._solids[number].holds(carry(back, point[None])[0])
 
     def sphere_centres(self, frames: np.ndarray, which: Sequence[int]) -> np.ndarray:
         """Return the centres (n, s, 3) of the spheres of bodies, for frames (n, k + 1, 4, 4)."""
@@ -354,14 +385,16 @@ class PairGroup:
     def _looks_near(self, column: int, frames: np.ndarray) -> bool:
         number, other, both = self._pairs[column]
         required = float(self.required[column])
-        if not both and not isinstance(self._standing[other].shape, Hull):
+        arm = self._arm
+        if not both and (
+            arm.keeps_shape(number) or not isinstance(self._standing[other].shape, Hull)
+        ):
             fcl = needed("fcl")
             body = self._standing[other]
             # distances to meshes take long, and most bodies are farther than required
-            outer = self._arm.place(number, frames, self._clearance_mm)
+            outer = arm.place(number, frames, self._clearance_mm)
             if not fcl.collide(outer, body.placed):
-                segment = frames[self._arm.bodies[number].segment]
-                return body.holds(carry(segment, self._arm.centres[number][None])[0])
+                return self._is_inside(number, body, frames)
         mm = self.distance(column, frames)
         return mm <= 0 or mm < required
 
@@ -403,16 +436,30 @@ class PairGroup:
         fcl = needed("fcl")
         number, other, both = self._pairs[column]
         first = self._arm.place(number, frames)
+        arm = self._arm
         if both:
-            return max(0.0, float(fcl.distance(first, self._arm.place(other, frames))))
+            second = arm.place(other, frames)
+            if arm.keeps_shape(number) or arm.keeps_shape(other):
+                point = arm.point_of(number, frames)
+                is_inside = arm.holds(other, frames, point)
+                is_inside |= arm.holds(number, frames, arm.point_of(other, frames))
+                if is_inside or fcl.collide(first, second):
+                    return 0.0
+            return max(0.0, float(fcl.distance(first, second)))
         body = self._standing[other]
-        if not isinstance(body.shape, Hull):
-            if fcl.collide(first, body.placed):
-                return 0.0
-            segment = frames[self._arm.bodies[number].segment]
-            if body.holds(carry(segment, self._arm.centres[number][None])[0]):
-                return 0.0
+        keeps_shape = arm.keeps_shape(number) or not isinstance(body.shape, Hull)
+        if keeps_shape and fcl.collide(first, body.placed):
+            return 0.0
+        if keeps_shape and self._is_inside(number, body, frames):
+            return 0.0
         return max(0.0, float(fcl.distance(first, body.placed)))
+
+    def _is_inside(self, number: int, body: Standing, frames: np.ndarray) -> bool:
+        """Return whether a moving body is wholly inside one that stands still, or that one inside it."""
+        if body.holds(self._arm.point_of(number, frames)):
+            return True
+        corner = carry(body.pose, body.shape.corners[:1])[0]
+        return self._arm.holds(number, frames, corner)
 
 
 def bodies_of(

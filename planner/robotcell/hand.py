@@ -27,6 +27,7 @@ from planner.robotcell.bodies import (
     Fixturing,
     Grip,
     Standing,
+    Surface,
     Turntable,
     hidden_by,
     hull_of,
@@ -290,8 +291,6 @@ class CameraInHand:
 class PartInHand:
     """The hand carries the part, in grips; the camera stands still.
 
-    The part counts as its convex hull.
-
     Parameters
     ----------
     fittings : Fittings
@@ -364,7 +363,9 @@ class PartInHand:
         if self.part is not None:
             pose = compose(tip, self.fixturings[name].part2flange)
             placed = carry(pose, self.part.shape.corners)
-            bodies.append(Moving("part", robot.n_joints, hull_of(placed, "part"), True))
+            surface = Surface(placed, self.part.shape.triangles, closed=True)
+            hull = hull_of(placed, "part")
+            bodies.append(Moving("part", robot.n_joints, hull, True, surface))
         return bodies
 
     def with_part(self, part: Standing) -> PartInHand:
@@ -794,31 +795,59 @@ def check_turns_free(
     others: Iterable[Standing],
     arm: Iterable[Moving],
 ) -> None:
-    """Raise if what turns with the part hits what stands still at an angle of its turntable.
+    """Raise if what turns with the part hits what stands still on the way to an angle of its turntable.
 
-    Bodies that touch at the angle 0 may touch; of these the part may only not sink in. Angles are looked at in steps.
+    Between the angles that are looked at, no body goes deeper than `SKIN_MM` into another one, which follows from
+    distances. Bodies that touch at the angle 0 may touch. Of these the part may only not sink in, which is looked at
+    in steps.
     """
     fcl = needed("fcl")
-    low, high = table.range
-    steps = max(1, int(np.ceil((high - low) / _STEP)))
-    angles = [*table.angles, *np.linspace(low, high, steps + 1).tolist()]
     still = [Standing(link.name, np.eye(4), link.hull) for link in arm if link.segment == 0]
     for body in turning:
-        pairs = [(other, _meet(fcl, body, other)) for other in (*others, *still)]
-        for angle in angles:
+        for other in (*others, *still):
+            if not fcl.collide(body.placed, other.placed):
+                angle = _angle_of_touch(body, other, table)
+            elif body.name == "part":
+                angle = _angle_of_sinking(body, other, table)
+            else:
+                angle = None
+            if angle is not None:
+                degrees = np.degrees(angle)
+                rule = f"must not turn {body.name} into other objects in {fixturing!r}"
+                raise RobotError.of_rule("axis", rule, f"{other.name} at {degrees:.0f} degrees")
+
+
+def _angle_of_touch(body: Standing, other: Standing, table: Turntable) -> float | None:
+    """Return an angle at which a turning body touches another one, rad; None if it does not in the table's range.
+
+    A body that is d away cannot touch before its farthest point has moved by d. Where d is smaller than the skin, the
+    angle by which it moves by the skin is taken instead.
+    """
+    fcl = needed("fcl")
+    radius = max(table.radius_mm(carry(body.pose, body.shape.corners)), SKIN_MM)
+    for end in table.range:
+        angle = 0.0
+        while abs(angle) < abs(end):
             turned = body.at(compose(table.pose(angle), body.pose))
-            for other, touched in pairs:
-                is_part = body.name == "part"
-                if touched and not (is_part and sunk_mm(turned, other, SKIN_MM, SKIN_MM) > SKIN_MM):
-                    continue
-                if touched or _meet(fcl, turned, other):
-                    degrees = np.degrees(angle)
-                    rule = f"must not turn {body.name} into other objects in {fixturing!r}"
-                    raise RobotError.of_rule("axis", rule, f"{other.name} at {degrees:.0f} degrees")
+            if fcl.collide(turned.placed, other.placed):
+                return angle
+            free = max(float(fcl.distance(turned.placed, other.placed)), SKIN_MM) / radius
+            angle += np.copysign(free, end)
+        turned = body.at(compose(table.pose(end), body.pose))
+        if fcl.collide(turned.placed, other.placed):
+            return end
+    return None
 
 
-def _meet(fcl: Any, first: Standing, second: Standing) -> bool:
-    return bool(fcl.collide(first.placed, second.placed))
+def _angle_of_sinking(part: Standing, other: Standing, table: Turntable) -> float | None:
+    """Return an angle at which a part that touches a body goes deeper than its skin, rad; None if it does not."""
+    low, high = table.range
+    steps = max(1, int(np.ceil((high - low) / _STEP)))
+    for angle in (*table.angles, *np.linspace(low, high, steps + 1).tolist()):
+        turned = part.at(compose(table.pose(angle), part.pose))
+        if sunk_mm(turned, other, SKIN_MM, SKIN_MM) > SKIN_MM:
+            return float(angle)
+    return None
 
 
 def check_home_is_free(fixturing: str, words: str) -> None:

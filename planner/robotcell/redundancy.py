@@ -1,7 +1,7 @@
-"""All joints for a pose of an arm of seven joints: curves of them, of which points stand for all.
+"""All joints for a pose of an arm without a closed form, or of seven joints.
 
 With seven joints, one of them more than a pose needs, a pose that is reached leaves the arm a motion: the elbow
-swivels while the hand stands still. The curve of these joints is looked at on a grid of one angle:
+swivels while the hand stands still. Points of the curve of these joints stand for all. They are on a grid of one angle:
 
 * of the swivel, where axes 1 to 3 meet in a shoulder and axes 5 to 7 in a wrist, as of KUKA's LBR iiwa. The elbow is
   then on a circle about the line from shoulder to wrist, and each angle leaves eight solutions in closed form
@@ -11,6 +11,8 @@ swivels while the hand stands still. The curve of these joints is looked at on a
   the curve in both directions.
 
 Where limits leave nothing of the grid, its best points are moved along the curve into them.
+
+Six joints without a closed form, as of FANUC's CRX, are found from drawn joints, too.
 """
 
 from __future__ import annotations
@@ -21,7 +23,14 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from planner.exceptions import RobotError
-from planner.robotcell.branches import Branches, Chain, JointLimits, firsts_in_order
+from planner.robotcell.branches import (
+    SIX,
+    Branches,
+    Chain,
+    JointLimits,
+    NoClosedFormError,
+    firsts_in_order,
+)
 from planner.robotcell.urdf import compose, invert
 
 _TURN = 2 * np.pi
@@ -34,7 +43,9 @@ _SHARP = 1e-10
 """Newton's method ends at this, in rad and in metres."""
 _APART = 0.15
 """Joints of one pose are told apart if an angle differs by more, rad."""
-_MEETS_MM = 1e-4
+_SAME = 1e-4
+"""Without a curve, joints of one pose are one up to this, rad."""
+_MEETS_MM = 1e-7
 """Axes meet in a point if they miss it by no more, mm."""
 _NEARLY_MEETS_MM = 25.0
 """Axes that miss a point by no more give starts for Newton's method, mm."""
@@ -48,11 +59,17 @@ _MOVED = 8
 """So many joints of a pose are moved into the limits."""
 _DRAWS = 6000
 _NEAREST = 16
+_NEAREST_OF_SIX = 64
 _WALKED = 0.25
 _WALKS = 12
 """Along a curve joints are kept after each step of this length, rad, and so many to each side."""
 _TESTED = 24
+# a test from the joints that searches start from would always be met
+_START_SEED = 0
+_TEST_SEED = 1
 _LEAST_REFOUND = 0.9
+_REFOUND = 1e-4
+"""Drawn joints of six count as found again up to this, rad."""
 
 
 class _Starts(Protocol):
@@ -71,13 +88,13 @@ class _Starts(Protocol):
 
 
 class RedundantBranches(JointLimits):
-    """The solutions of an arm of seven joints.
+    """The solutions of an arm of seven joints, or of six without a closed form.
 
     Parameters
     ----------
     chain : Chain
         The arm.
-    lower, upper : array (7,)
+    lower, upper : array (k,)
         Limits of the joints, rad.
 
     Raises
@@ -89,10 +106,18 @@ class RedundantBranches(JointLimits):
     def __init__(self, chain: Chain, lower: np.ndarray, upper: np.ndarray) -> None:
         super().__init__(lower, upper)
         self._chain = chain
+        self._is_redundant = len(chain.steps) > SIX
+        self._apart = _APART if self._is_redundant else _SAME
         self._starts = _starts_of(chain, lower, upper)
         self._drawn: _Drawn | None = None
-        draws = _draws(lower, upper, _TESTED)
-        solved = len(np.unique(self.of(chain.tips(chain.frames(draws)))[1]))
+        draws = _draws(lower, upper, _TESTED, _TEST_SEED)
+        q, owner = self.of(chain.tips(chain.frames(draws)))
+        if not self._is_redundant:
+            # poses of six joints must lead back to these joints, not only to some
+            turned = np.abs(q - draws[owner])
+            apart = np.abs(turned - _TURN * np.round(turned / _TURN)).max(axis=1, initial=0.0)
+            owner = owner[apart <= _REFOUND]
+        solved = len(np.unique(owner))
         if solved < _LEAST_REFOUND * _TESTED:
             rule = "must be an arm whose joints are found from the poses they lead to"
             raise RobotError.of_rule("robot", rule, f"{solved} of {_TESTED} drawn poses")
@@ -107,7 +132,7 @@ class RedundantBranches(JointLimits):
 
         Returns
         -------
-        q : array (m, 7)
+        q : array (m, k)
             Joints within limits, rad, each at the turn nearest to zero that its limits allow; ordered by pose, then by
             joints.
         owner : array of int (m,)
@@ -115,6 +140,8 @@ class RedundantBranches(JointLimits):
         """
         q, owner = self._starts.of(tips)
         joints, whose = self._met(q, owner, tips)
+        if not self._is_redundant:
+            return firsts_in_order(joints, whose, self._apart)
         missing = np.setdiff1d(np.arange(len(tips)), whose)
         if len(missing):
             more = self._moved_into_limits(*_of(missing, q, owner), tips)
@@ -126,7 +153,7 @@ class RedundantBranches(JointLimits):
             q, rows = self._from_draws(tips[missing])
             joints = np.concatenate([joints, q])
             whose = np.concatenate([whose, missing[rows]])
-        return firsts_in_order(joints, whose, _APART)
+        return firsts_in_order(joints, whose, self._apart)
 
     def exist(self, tips: np.ndarray) -> np.ndarray:
         """Return for which poses (n, 4, 4) there are joints, whatever their limits; (n,) bool."""
@@ -193,8 +220,27 @@ class RedundantBranches(JointLimits):
         return self._moved_into_limits(q[met], owner[met], tips)
 
 
+def branches_of(chain: Chain, lower: np.ndarray, upper: np.ndarray) -> Branches | RedundantBranches:
+    """Return the solutions of an arm: in closed form where it has one.
+
+    Raises
+    ------
+    RobotError
+        The extra is missing, or drawn joints are not found from the poses they lead to.
+    """
+    if len(chain.steps) > SIX:
+        return RedundantBranches(chain, lower, upper)
+    try:
+        return Branches(chain, lower, upper)
+    except NoClosedFormError:
+        # a closed form that fails its self-test is refused
+        return RedundantBranches(chain, lower, upper)
+
+
 def _starts_of(chain: Chain, lower: np.ndarray, upper: np.ndarray) -> _Starts:
     """Return what proposes joints for an arm."""
+    if len(chain.steps) == SIX:
+        return _Drawn(chain, lower, upper)
     swivel = _Swivel(chain)
     if swivel.misses_mm <= _NEARLY_MEETS_MM:
         return swivel
@@ -214,11 +260,11 @@ def _of(rows: np.ndarray, q: np.ndarray, owner: np.ndarray) -> tuple[np.ndarray,
     return q[chosen], owner[chosen]
 
 
-def _draws(lower: np.ndarray, upper: np.ndarray, count: int) -> np.ndarray:
+def _draws(lower: np.ndarray, upper: np.ndarray, count: int, seed: int) -> np.ndarray:
     """Return drawn joints (n, k) within limits, a turn at most."""
     low = np.maximum(lower, -np.pi)
     high = np.maximum(np.minimum(upper, np.pi), low)
-    return np.asarray(np.random.default_rng(0).uniform(low, high, (count, len(lower))))
+    return np.asarray(np.random.default_rng(seed).uniform(low, high, (count, len(lower))))
 
 
 # Shoulder, elbow circle and wrist.
@@ -450,7 +496,7 @@ class _Drawn:
 
     def __init__(self, chain: Chain, lower: np.ndarray, upper: np.ndarray) -> None:
         self._chain = chain
-        self._q = _draws(lower, upper, _DRAWS)
+        self._q = _draws(lower, upper, _DRAWS, _START_SEED)
         self._length = float(chain.reach_mm()[0])
         self._tree = KDTree(self._numbers(chain.tips(chain.frames(self._q))))
 
@@ -461,10 +507,14 @@ class _Drawn:
 
     def of(self, tips: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return joints (m, k) for poses (n, 4, 4), and whose they are (m,)."""
-        rows = self._tree.query(self._numbers(tips), k=_NEAREST)[1]
-        q = _to_poses(self._chain, self._q[rows.ravel()], np.repeat(tips, _NEAREST, axis=0))
-        owner = np.repeat(np.arange(len(tips)), _NEAREST)
+        is_redundant = self._q.shape[1] > SIX
+        count = _NEAREST if is_redundant else _NEAREST_OF_SIX
+        rows = self._tree.query(self._numbers(tips), k=count)[1]
+        owner = np.repeat(np.arange(len(tips)), count)
+        q = _to_poses(self._chain, self._q[rows.ravel()], tips[owner])
         met = _errors(self._chain, q, tips[owner]) <= _POSE
+        if not is_redundant:
+            return q[met], owner[met]
         return self._walked(*firsts_in_order(q[met], owner[met], _APART), tips)
 
     def _walked(

@@ -156,6 +156,8 @@ def check_pose(name: str, value: Any) -> np.ndarray:
 _MM = 1000.0
 _TURNS = ("revolute", "continuous")
 _LONGEST_M = 50.0
+# no joint of an arm turns by more than 6 turns, and of limits in degrees at least one is larger
+_MOST_TURNED_RAD = 40.0
 _SPEEDS_HINT = "a cell file states it in [robot] as speeds, in rad/s: one number, or one a joint"
 JOINT_COUNTS = (6, 7)
 """Joints that an arm may have."""
@@ -483,6 +485,12 @@ def _moving_joint(joint: ElementTree.Element, origin: np.ndarray, speed: float |
     if not lower < upper:
         rule = f"must have lower below upper for joint {name!r}"
         raise RobotError.of_rule("urdf", rule, f"{lower:g} and {upper:g}")
+    if max(abs(lower), abs(upper)) > _MOST_TURNED_RAD:
+        rule = (
+            f"must have limits of joint {name!r} within {_MOST_TURNED_RAD / (2 * math.pi):g} turns"
+        )
+        hint = "are they in degrees? A URDF states them in rad"
+        raise RobotError.of_rule("urdf", rule, f"{lower:g} and {upper:g} rad", hint=hint)
     if speed is None:
         speed = _stated_speed(values, name)
     stated = joint.find("axis")

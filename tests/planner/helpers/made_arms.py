@@ -1,8 +1,9 @@
 """Small models of makers' arms: their lengths by Denavit and Hartenberg, links as cylinders; nothing of a maker's file.
 
 A row is that of Craig's convention: the frame of a joint is Rx(alpha) · Tx(a) · Tz(d) · Rz(theta) from the one before,
-mm and degrees, then the limits and the largest speed, degrees. Sources: KUKA, LBR iiwa 14 R820, assembly instructions;
-Franka Robotics, FCI documentation, "Denavit-Hartenberg parameters" and "Limits for Franka Research 3".
+mm and degrees, then the limits and the largest speed, degrees. Lengths are those that the makers publish in data sheets
+and manuals, limits are rounded. Of FANUC's CRX see Abbes and Poisson, Robotics 13 (2024), 91; of Franka's arm the FCI
+documentation, "Denavit-Hartenberg parameters"; of UR5e "DH parameters for calculations of kinematics and dynamics".
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ KINOVA = [
     (0, 90, -12.8, 0, -147, 147, 79),
     (0, -90, -314.3, 0, -180, 180, 69),
     (0, 90, 0, 0, -120, 120, 69),
-    (0, -90, -167.4, 0, -180, 180, 69),
+    (0, 90, 167.4, 0, -180, 180, 69),
 ]
 SAWYER = [
     (0, 0, 317, 0, -175, 175, 100),
@@ -53,11 +54,89 @@ SAWYER = [
     (0, -90, 136.3, 0, -170, 170, 200),
     (0, 90, 133.75, 0, -270, 270, 260),
 ]
+YUMI = [
+    (0, 0, 166, 0, -168, 168, 180),
+    (-30, -90, 0, 180, -143, 43, 180),
+    (30, 90, 251.5, 0, -168, 168, 180),
+    (40.5, -90, 0, 0, -123, 80, 180),
+    (40.5, 90, 265, 180, -290, 290, 400),
+    (27, -90, 0, 0, -88, 138, 400),
+    (27, 90, 36, 180, -229, 229, 400),
+]
+UR5E = [
+    (0, 0, 162.5, 0, -360, 360, 180),
+    (0, 90, 0, 0, -360, 360, 180),
+    (-425, 0, 0, 0, -180, 180, 180),
+    (-392.2, 0, 133.3, 0, -360, 360, 180),
+    (0, 90, 99.7, 0, -360, 360, 180),
+    (0, -90, 99.6, 0, -360, 360, 180),
+]
+CRX = [
+    (0, 0, 245, 0, -190, 190, 120),
+    (0, -90, 0, -90, -180, 180, 120),
+    (540, 180, 0, 0, -270, 270, 180),
+    (0, -90, -540, 0, -190, 190, 180),
+    (0, 90, 150, 0, -180, 180, 180),
+    (0, -90, 0, 0, -225, 225, 180),
+]
+
+
+def _spherical(base, a1, a2, a3, d4, limits, speed, d3=0.0):
+    """Rows of an arm with a spherical wrist: height of the shoulder, its offset, upper arm, elbow, forearm."""
+    rows = [
+        (0, 0, base, 0),
+        (a1, -90, 0, -90),
+        (a2, 0, d3, 0),
+        (a3, -90, d4, 0),
+        (0, 90, 0, 0),
+        (0, -90, 0, 0),
+    ]
+    return [(*row, -limit, limit, speed) for row, limit in zip(rows, limits, strict=True)]
+
+
 ARMS = {
-    "kinova_gen3": (KINOVA, 0.0, 40.0),
-    "sawyer": (SAWYER, 110.0, 50.0),
-    "kuka_iiwa": (IIWA, 126.0, 60.0),
+    "abb_irb120": (
+        _spherical(290, 0, 270, 70, 302, (165, 110, 90, 160, 120, 400), 250),
+        72.0,
+        50.0,
+    ),
+    "denso_vs060": (
+        _spherical(345, 0, 305, -10, 300, (170, 120, 125, 270, 120, 360), 300),
+        70.0,
+        40.0,
+    ),
+    "doosan_m1013": (
+        _spherical(152.5, 0, 620, 0, 559, (360, 95, 135, 360, 135, 360), 120, 34.5),
+        121.0,
+        50.0,
+    ),
+    "fanuc_lr_mate_200id": (
+        _spherical(330, 50, 330, 35, 335, (170, 120, 140, 190, 125, 360), 350),
+        80.0,
+        40.0,
+    ),
+    "kuka_kr6_r900": (
+        _spherical(400, 25, 455, 35, 420, (170, 120, 150, 185, 120, 350), 300),
+        80.0,
+        50.0,
+    ),
+    "staubli_tx2_60": (
+        _spherical(375, 0, 290, 0, 310, (180, 127, 142, 270, 120, 270), 300, 20),
+        70.0,
+        40.0,
+    ),
+    "yaskawa_gp8": (
+        _spherical(330, 40, 345, 40, 340, (170, 145, 140, 190, 135, 360), 400),
+        80.0,
+        40.0,
+    ),
+    "ur5e": (UR5E, 0.0, 45.0),
+    "fanuc_crx10ia": (CRX, 160.0, 50.0),
+    "abb_yumi": (YUMI, 0.0, 15.0),
     "franka": (FRANKA, 107.0, 50.0),
+    "kinova_gen3": (KINOVA, 0.0, 35.0),
+    "kuka_iiwa": (IIWA, 126.0, 60.0),
+    "sawyer": (SAWYER, 110.0, 50.0),
 }
 """Rows, the flange beyond the last joint, mm, and the radius of the links, mm, by name."""
 
@@ -72,7 +151,7 @@ def urdf_of(name, rows, flange_mm, radius_mm):
         link = f"link_{number}"
         low, high, speed = map(math.radians, row[4:])
         parts += [
-            _link(link, end, radius_mm, 1.0),
+            _link(link, end, radius_mm, 0.75),
             f'<joint name="axis_{number}" type="revolute"><parent link="{parent}"/><child link="{link}"/>'
             f'{_origin(pose)}<axis xyz="0 0 1"/>'
             f'<limit lower="{low!r}" upper="{high!r}" velocity="{speed!r}" effort="1"/></joint>',
@@ -125,6 +204,26 @@ def _link(name, end, radius_mm, share):
             f'<cylinder radius="{radius!r}" length="{length / 1000!r}"/></geometry>'
         )
     return f'<link name="{name}"><collision>{body}</collision></link>'
+
+
+def dh_forward(name, joints):
+    """Poses (n, 4, 4) of the tip by the matrices of Denavit and Hartenberg, without planner.robotcell, mm."""
+    rows, flange_mm, _ = ARMS[name]
+    poses = np.tile(np.eye(4), (len(joints), 1, 1))
+    for k, (a, alpha, d, theta, *_) in enumerate(rows):
+        c = np.cos(joints[:, k] + math.radians(theta))
+        s = np.sin(joints[:, k] + math.radians(theta))
+        ca = math.cos(math.radians(alpha))
+        sa = math.sin(math.radians(alpha))
+        step = np.zeros((len(joints), 4, 4))
+        step[:, 0] = np.stack([c, -s, 0 * c, 0 * c + a], axis=1)
+        step[:, 1] = np.stack([s * ca, c * ca, 0 * c - sa, 0 * c - sa * d], axis=1)
+        step[:, 2] = np.stack([s * sa, c * sa, 0 * c + ca, 0 * c + ca * d], axis=1)
+        step[:, 3, 3] = 1.0
+        poses = poses @ step
+    tip = np.eye(4)
+    tip[2, 3] = flange_mm
+    return poses @ tip
 
 
 @cache

@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+from pocket_block import two_pocket_block
 from robot_cells import NAMES, ROBOTS, TABLE, made_cell, made_robot, pose, random_joints, views
 from robot_programs import SIZE, block, plan_of
 from scipy.spatial.transform import Rotation
@@ -240,3 +241,25 @@ def test_a_gripper_through_the_part_is_refused():
     cell = held(fixturings={"grip": Grip(PART2FLANGE, finger)}, home=None)
     with pytest.raises(RobotError, match=r"part2flange must not put the part .* deep in finger"):
         cell.with_part(block())
+
+
+def probe(y_mm, x_mm=30.0):
+    """A camera (4, 4) in the part's frame that looks along -y, with its nodal point in or before a pocket."""
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    return pose((x_mm, y_mm, 20.0), turn)
+
+
+def test_a_thin_camera_looks_into_a_pocket_of_the_part():
+    """The pocket is 20 mm wide and its floor is at y = 50 mm; the box about the part ends at y = 60 mm."""
+    stick = Box((-3.0, -3.0, -10.0), (3.0, 3.0, 0.0))
+    grip = {"grip": Grip(pose((-30.0, -30.0, 40.0)))}
+    changes = {"camera_body": (stick,), "fixturings": grip, "obstacles": {}, "home": None}
+    cell = held(clearance_mm=2.0, **changes).with_part(two_pocket_block())
+    inside = cell.reach(probe(53.0)[None], "grip")[0]
+    assert inside.reached
+    near = cell.clearance(inside.branches[0], "grip")
+    assert {near.first, near.second} == {"part", "camera"}
+    assert near.mm == pytest.approx(3.0, abs=1e-6)
+    for camera in (probe(51.5), probe(49.0), probe(53.0, 22.0), probe(20.0, 10.0)):
+        answer = cell.reach(camera[None], "grip")[0]
+        assert answer.why == "camera touches part"

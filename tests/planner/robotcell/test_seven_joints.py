@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from made_arms import ARMS, made_arm
+from made_arms import dh_forward, made_arm
 from robot_cells import pose, views
 from robot_programs import SIZE, block, plan_of
 
@@ -27,30 +27,10 @@ SEVEN = tuple(COUNTS)
 HOME = np.radians([0.0, 20.0, 0.0, -90.0, 0.0, 70.0, 0.0])
 
 
-def forward(name, joints):
-    """Poses of the tip by the matrices of Denavit and Hartenberg, without planner.robotcell."""
-    rows, flange_mm, _ = ARMS[name]
-    poses = np.tile(np.eye(4), (len(joints), 1, 1))
-    for k, (a, alpha, d, theta, *_) in enumerate(rows):
-        c = np.cos(joints[:, k] + math.radians(theta))
-        s = np.sin(joints[:, k] + math.radians(theta))
-        ca = math.cos(math.radians(alpha))
-        sa = math.sin(math.radians(alpha))
-        step = np.zeros((len(joints), 4, 4))
-        step[:, 0] = np.stack([c, -s, 0 * c, 0 * c + a], axis=1)
-        step[:, 1] = np.stack([s * ca, c * ca, 0 * c - sa, 0 * c - sa * d], axis=1)
-        step[:, 2] = np.stack([s * sa, c * sa, 0 * c + ca, 0 * c + ca * d], axis=1)
-        step[:, 3, 3] = 1.0
-        poses = poses @ step
-    tip = np.eye(4)
-    tip[2, 3] = flange_mm
-    return poses @ tip
-
-
 def drawn(name, count, seed=5):
     robot = made_arm(name)
     q = np.random.default_rng(seed).uniform(robot.lower, robot.upper, (count, 7))
-    return robot, q, forward(name, q)
+    return robot, q, dh_forward(name, q)
 
 
 @pytest.mark.parametrize(("name", "count"), list(COUNTS.items()))
@@ -60,7 +40,7 @@ def test_poses_of_drawn_joints_are_solved_exactly(name, count):
     assert sum(map(len, solutions)) > 5 * count
     assert np.mean([len(q) > 0 for q in solutions]) >= 0.99
     for flange, q in zip(flanges, solutions, strict=True):
-        error = np.abs(forward(name, q) - flange)
+        error = np.abs(dh_forward(name, q) - flange)
         assert error[:, :3, 3].max(initial=0.0) < 1e-6
         assert error[:, :3, :3].max(initial=0.0) < 1e-9
         assert (robot.to_limit_rad(q) >= 0).all()
@@ -114,8 +94,8 @@ def test_the_uncertainty_of_seven_joints_is_that_of_drawn_ones():
     sigma = np.linspace(1e-4, 4e-4, 7)
     stated = ArmUncertainty(sigma).covariances(robot, q, cam2flange, np.eye(4))[0]
     rng = np.random.default_rng(1)
-    cameras = forward("franka", q + sigma * rng.normal(size=(20_000, 7))) @ cam2flange
-    at = (forward("franka", q) @ cam2flange)[0]
+    cameras = dh_forward("franka", q + sigma * rng.normal(size=(20_000, 7))) @ cam2flange
+    at = (dh_forward("franka", q) @ cam2flange)[0]
     moved = np.einsum("ji,njk->nik", at[:3, :3], cameras[:, :3, :3])
     turns = np.stack([moved[:, 2, 1], moved[:, 0, 2], moved[:, 1, 0]], axis=1)
     shifts = (cameras[:, :3, 3] - at[:3, 3]) @ at[:3, :3]
@@ -163,7 +143,7 @@ def test_another_swivel_is_taken_where_the_first_one_is_blocked():
     swung = cell.robot.link_poses(other.joints[:1])[0, 4, :3, 3]
     assert np.linalg.norm(swung - elbow) > 60.0
     np.testing.assert_allclose(
-        forward("kuka_iiwa", other.joints[:1]), forward("kuka_iiwa", first[None]), atol=1e-6
+        dh_forward("kuka_iiwa", other.joints[:1]), dh_forward("kuka_iiwa", first[None]), atol=1e-6
     )
 
 
@@ -173,7 +153,7 @@ def test_a_program_drives_seven_joints_through_free_space():
     assert made.complete
     assert len(made.joint_names) == 7
     for stop in made.tours[0].stops:
-        camera = forward("kuka_iiwa", stop.joints[None])[0] @ cell.cam2flange
+        camera = dh_forward("kuka_iiwa", stop.joints[None])[0] @ cell.cam2flange
         np.testing.assert_allclose(
             np.linalg.inv(pose((450.0, -60.0, 10.0))) @ camera,
             settings()[stop.setting_idx],

@@ -213,7 +213,9 @@ def test_what_turns_must_not_hit_what_stands():
     wall = Box((670.0, 40.0, 0.0), (690.0, 80.0, 200.0))
     fixturing = Fixturing(PART2BASE, {"table": TABLE, "wall": wall}, axis=AXIS)
     assert made_cell(fixturings={"up": fixturing.at(0.0)}).with_part(block())
-    with pytest.raises(RobotError, match=r"axis must not turn part into .* 'up'. Got wall at \d+"):
+    with pytest.raises(
+        RobotError, match=r"axis must not turn part into .* 'up'. Got wall at -?\d+"
+    ):
         made_cell(fixturings={"up": fixturing}).with_part(block())
     clamp = {"clamp": Box((940.0, 50.0, 30.0), (950.0, 70.0, 60.0))}
     far = Box((790.0, 200.0, 0.0), (810.0, 230.0, 200.0))
@@ -294,3 +296,24 @@ def test_random_joints_have_the_camera_where_the_part_sees_it():
     np.testing.assert_allclose(
         turned[:, :3, 3] - centre, (straight[:, :3, 3] - centre) @ back.T, atol=1e-9
     )
+
+
+def test_a_needle_between_angles_of_a_grid_is_met():
+    """A blade 2 mm wide, 390 mm from the axis, meets a post at 17.5° and nothing that is farther out."""
+    blade = {"blade": Box((800.0, 59.0, 30.0), (1190.0, 61.0, 40.0))}
+    turn = math.radians(17.5)
+    for radius_mm, is_met in ((385.0, True), (400.0, False)):
+        x = 800.0 + radius_mm * math.cos(turn)
+        y = 60.0 + radius_mm * math.sin(turn)
+        post = Box((x - 2.0, y - 2.0, 0.0), (x + 2.0, y + 2.0, 100.0))
+        fixturing = Fixturing(PART2BASE, {"post": post}, axis=AXIS, turning=blade)
+        if not is_met:
+            assert made_cell(fixturings={"up": fixturing})
+            continue
+        with pytest.raises(
+            RobotError, match=r"must not turn blade .* Got post at (-34[123]|1[78])"
+        ):
+            made_cell(fixturings={"up": fixturing})
+        # angles that end before the post do no harm
+        given = {"axis": AXIS, "turning": blade, "angles": [0.0, math.radians(16.0)]}
+        assert made_cell(fixturings={"up": Fixturing(PART2BASE, {"post": post}, **given)})

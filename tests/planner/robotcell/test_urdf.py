@@ -162,6 +162,15 @@ def test_bad_files_are_refused(case, tmp_path):
     assert "\n" not in str(raised.value)
 
 
+def test_limits_in_degrees_are_noticed(tmp_path):
+    text = TEXT.replace('lower="-1.7453" upper="1.9199"', 'lower="-100" upper="110"')
+    assert text != TEXT
+    with pytest.raises(
+        RobotError, match=r"limits of joint 'axis_2' .* Got -100 and 110 rad; are they in degrees"
+    ):
+        from_text(tmp_path, text)
+
+
 def test_eight_joints_are_refused(tmp_path):
     tool = '<joint name="tool0_joint" type="fixed">'
     limits = '<limit lower="-1" upper="1" velocity="1"/>'
