@@ -17,6 +17,7 @@ from planner.progress import visible
 from planner.report.part_tables import vector_text
 from planner.report.tables import nearest_limits
 from planner.report.wording import (
+    STOPPED_EARLY,
     brief_verdict,
     edges_text,
     evolved_sentence,
@@ -439,6 +440,9 @@ def print_batch(results: Sequence[Any]) -> None:
     counts = {status: sum(result.status == status for result in results) for status in _STATUSES}
     texts = ", ".join(f"{n} {status}" for status, n in counts.items() if n)
     print_text(f"{count(len(results), 'part')}: {texts}")
+    n_early = sum(result.reason.endswith(STOPPED_EARLY) for result in results)
+    if n_early:
+        print_text(f"{n_early} of them {STOPPED_EARLY}")
     n_left_out = sum(result.left_out for result in results)
     if n_left_out:
         print_text(f"{count(n_left_out, 'dimension')} left out, see left_out_reasons in the tables")
