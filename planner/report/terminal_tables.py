@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aspectgraph import EntityAspectGraph
+from aspectgraph.dimensions.geometric import entity_text
 from errors.checks import frequency_text, interval_text, probability_text
 from planner.optics import PosePrediction, PosesPrediction
 from planner.plan import InspectionPlan
@@ -197,7 +198,7 @@ def _entities_or_reason(requirement: ModelDimension | GeometricTolerance) -> Any
     """Return the entities that measure a requirement, or why none do."""
     if requirement.entities is None:
         return words(requirement.reason or "")
-    return listed(map(str, requirement.entities))
+    return listed(map(entity_text, requirement.entities))
 
 
 def _dimension_row(dimension: Any) -> tuple[Any, ...]:

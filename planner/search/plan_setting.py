@@ -254,7 +254,7 @@ def _dark_reason(
 ) -> str:
     """Say that poses see an entity which a light with an area does not show; empty if none does."""
     space = constraints.space
-    lit = entity_space(space)
+    lit: Any = entity_space(space)
     area = getattr(lit, "area", None)
     if area is None:
         return ""
