@@ -205,20 +205,23 @@ class ModelRequirements(ShownInNotebook):
 
 def entity_text(entity: EntityId) -> str:
     """Return the id of an entity as plans and pages print it, such as ``"e12"`` or ``"r3"``."""
-    return f"e{entity}" if isinstance(entity, int) else entity
+    if isinstance(entity, str):
+        return entity
+    return f"e{entity}"
 
 
 def _required_text(requirement: ModelDimension | GeometricTolerance) -> str:
     """Return what a model requires, with its unit."""
     if isinstance(requirement, GeometricTolerance):
         return requirement.frame
-    unit = "°" if requirement.unit == "deg" else f" {requirement.unit}"
-    texts = [] if requirement.nominal is None else [f"{requirement.nominal:.6g}{unit}"]
+    texts = []
+    if requirement.nominal is not None:
+        texts.append(f"{requirement.nominal:.6g} {requirement.unit}")
     if requirement.tolerance_class is not None:
         texts.append(requirement.tolerance_class)
     if requirement.tolerance is not None:
         lower, upper = requirement.tolerance
-        texts.append(f"±{upper:g}" if lower == -upper else f"{upper:+g}/{lower:+g}")
+        texts.append(f"{upper:+g}/{lower:+g}")
     return " ".join(texts)
 
 

@@ -278,7 +278,9 @@ def is_curve_id(target: object) -> bool:
 
 def for_name(name: str, entity: object) -> str:
     """Return which name stands for an entity, to end a message; empty where it is named like itself."""
-    return "" if name == entity else f" for {name!r}"
+    if name == entity:
+        return ""
+    return f" for {name!r}"
 
 
 def find_curve(solid: Solid, target: str | Arc, name: str, min_dihedral_deg: float) -> Arc:
