@@ -80,7 +80,8 @@ class InfeasibleError(PlannerError, RuntimeError):
     Attributes
     ----------
     constraint : str
-        Name of the constraint that fails, as in the keys of `SensorSetting.margins`.
+        Name of the constraint that fails, as in the keys of `SensorSetting.margins`; "light" where poses see the
+        entity, but the light does not show it.
     entity : str
         Entity for which it fails, or an empty string when it does not depend on the entity.
     margin : float

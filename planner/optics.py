@@ -11,11 +11,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from errors.checks import probability_text
 from ground.convert import Meta
+from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
 from ground.short_repr import short_repr
 from planner.argument_kinds import MAPPING, check_fraction, check_kinds
 from planner.camera.camera import Camera, camera_parts, check_bodies
-from planner.camera.pose import GivenPose, PoseUncertainty, look_at, world_to_cam
+from planner.camera.pose import (
+    GivenPose,
+    PoseUncertainty,
+    checked_poses,
+    look_at,
+    world_to_cam,
+)
 from planner.detectability.conditions import USUAL
 from planner.effort import NORMAL
 from planner.exceptions import RequestError
@@ -256,7 +264,7 @@ def predict(
 
 
 @dataclass(frozen=True, eq=False)
-class PosesPrediction:
+class PosesPrediction(ShownInNotebook):
     """What each pose measures and how surely, and which targets none of them inspects.
 
     Attributes
@@ -280,6 +288,25 @@ class PosesPrediction:
     required: float
 
     __repr__ = short_repr
+
+    def _notebook_view(self) -> NotebookView:
+        rows = []
+        for pose, targets in zip(self.poses, self.predictions, strict=True):
+            for name, target in targets.items():
+                if target.is_sure(self.required):
+                    u = f"{target.expanded_uncertainty:.3g} {target.unit}"
+                    nominal = f"{target.nominal:.6g} {target.unit}"
+                    sure = (probability_text(target.probability), probability_text(target.p_all))
+                    rows.append((pose.name, name, nominal, u, *sure))
+        n = len(self.predictions[0]) if self.predictions else 0
+        missed = self.missed
+        verdict = Toned(f"The poses inspect {n - len(missed)} of {n} targets.", "good")
+        if missed:
+            verdict = replace(verdict, tone="bad")
+        table = NotebookTable(
+            ("pose", "target", "nominal", "U", "P", "P_all"), rows, right=(2, 3, 4, 5)
+        )
+        return NotebookView(f"{len(self.poses)} poses", (verdict,), table, missed)
 
     def inspecting(self, name: str) -> tuple[str, ...]:
         """Return the poses that inspect a target as surely as required.
@@ -322,7 +349,7 @@ def _or_zero(value: float) -> float:
 def predict_poses(
     solid: Solid,
     wanted: Mapping[str, Any],
-    poses: Sequence[GivenPose],
+    poses: Sequence[GivenPose] | ArrayLike,
     camera: Camera,
     pose_uncertainty: PoseUncertainty,
     *,
@@ -341,8 +368,8 @@ def predict_poses(
         The part.
     wanted : mapping
         Name to `Dimension`, or to an edge, rim or arc, as `predict` takes it.
-    poses : sequence of GivenPose
-        The poses, such as `read_poses` returns them.
+    poses : sequence of GivenPose, or array_like (n, 4, 4)
+        The poses, such as `read_poses` returns them. An array gets the names pose_01, pose_02, and so on.
     camera : Camera
         The camera.
     pose_uncertainty : PoseUncertainty
@@ -390,6 +417,7 @@ def predict_poses(
     check_fraction("accuracy", accuracy)
     if not wanted:
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")
+    poses = checked_poses(poses)
     settings = replace(options or InspectionOptions(), accuracy=accuracy)
     if localisation is not None:
         settings = replace(settings, localisation=localisation)

@@ -46,6 +46,7 @@ class ReasonKind(Enum):
 
     UNOBSERVABLE = "unobservable"
     IN_VIEW_FROM_NO_POSE_TRIED = "in view from no pose tried"
+    NOT_SHOWN = "not shown"
     TOO_SHORT = "too short"
     OUT_OF_FOCUS = "out of focus"
     TOO_LARGE = "too large"
@@ -66,6 +67,7 @@ class ReasonKind(Enum):
 
 _WORDS = {
     ReasonKind.IN_VIEW_FROM_NO_POSE_TRIED: "not in view from any tried pose",
+    ReasonKind.NOT_SHOWN: "not shown by the light",
     ReasonKind.TOO_SHORT: "too short for the resolution",
     ReasonKind.TOO_LARGE: "larger than the field of view",
     ReasonKind.TOO_NEAR: "in view only from too close to the part",

@@ -10,11 +10,13 @@ from browser import Browser, needs_browser
 from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
 from plan_examples import LIGHT, plan
 
-from aspectgraph import Solid, build_aspect_graph
+from aspectgraph import Solid, build_aspect_graph, read_requirements, read_solid
 from errors.measurands import Decision
 from ground.notebook import TONES
-from planner import Registration, measure
+from planner import GivenPose, Registration, look_at, measure, predict_poses, read_plan
 
+CTC_01 = "examples/nist_ctc_01_ap242.stp"
+BEHIND = look_at([[30.0, -400.0, 20.0]], [30.0, 30.0, 20.0])[0]
 PLOTLY = "application/vnd.plotly.v1+json"
 
 
@@ -33,10 +35,21 @@ def values():
         "light": LIGHT,
         "results": results,
         "result": results["left"],
+        "predicted": predicted(),
+        "required": read_requirements(CTC_01, read_solid(CTC_01)),
     }
 
 
-NAMES = ("solid", "graph", "plan", "light", "results", "result")
+def predicted():
+    """What two poses measure, one of which sees nothing of it."""
+    block = read_solid("examples/two_pocket_block.off")
+    made = read_plan("examples/two_pocket_block_plan.json")
+    poses = [GivenPose("taught", made.settings[0].cam2world), GivenPose("behind", BEHIND)]
+    wanted = {name: made.entities[name] for name in ("e1", "e4")}
+    return predict_poses(block, wanted, poses, made.camera, made.pose_uncertainty, accuracy=0.95)
+
+
+NAMES = ("solid", "graph", "plan", "light", "results", "result", "predicted", "required")
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +80,8 @@ def test_all_is_in_the_page_and_nothing_is_loaded(browser, tmp_path, width):
     assert page.run(f"{spans}.length") == 0
     heights = page.run("[...document.querySelectorAll('section')].map((s) => s.offsetHeight)")
     assert min(heights) > 40
-    assert max(heights) < 700
+    # the last one lists all that a model requires
+    assert max(heights[:-1]) < 700
     page.close()
 
 
@@ -111,6 +125,17 @@ def test_the_verdict_of_a_plan_has_its_colour():
         assert f"Every target is inspected; smallest P 0.9400; {words}." in found._repr_html_()
     assert f"color:{TONES['bad']}" in plan()._repr_html_()
     assert "1 of 3 targets not inspected; smallest P 0.9400." in plan()._repr_html_()
+
+
+def test_predictions_and_requirements_are_tables():
+    html = values()["predicted"]._repr_html_()
+    assert "The poses inspect 2 of 2 targets." in html
+    assert html.count(">taught</td>") == 2
+    assert "behind" not in html
+    html = values()["required"]._repr_html_()
+    assert html.count("<tr>") == 1 + len(values()["required"])
+    assert "e477, e459" in html
+    assert "flatness of a face: edges do not show it" in html
 
 
 def test_decisions_have_their_colours():

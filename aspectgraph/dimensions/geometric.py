@@ -27,6 +27,7 @@ from aspectgraph.dimensions.features import (
     unique_names,
 )
 from aspectgraph.solid.rims import Arc
+from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
 
 _SURFACE = "needs the surface, not its edges"
 _FORM = "edges do not show it"
@@ -148,7 +149,7 @@ class GeometricTolerance:
 
 
 @dataclass(frozen=True)
-class ModelRequirements:
+class ModelRequirements(ShownInNotebook):
     """All that a CAD model requires of its part. Iteration goes through the dimensions, then the tolerances.
 
     Attributes
@@ -184,10 +185,44 @@ class ModelRequirements:
         counts = f"{len(self.dimensions)} dimensions, {len(self.tolerances)} geometric tolerances"
         return f"<ModelRequirements: {counts}, {self.n_measurable} measurable>"
 
+    def _notebook_view(self) -> NotebookView:
+        rows = []
+        for requirement in self:
+            shown: str | Toned = Toned(requirement.reason or "", "open")
+            if requirement.entities is not None:
+                shown = ", ".join(map(entity_text, requirement.entities))
+            kind = requirement.kind.replace("_", " ")
+            rows.append((requirement.name, f"{kind} {_required_text(requirement)}", shown))
+        headings = ("requirement", "value", "entities, or why none")
+        title = f"{len(self)} requirements, {self.n_measurable} measurable"
+        return NotebookView(title, self.disagreements, NotebookTable(headings, rows))
+
     @property
     def n_measurable(self) -> int:
         """Number of requirements that edges show."""
         return sum(requirement.entities is not None for requirement in self)
+
+
+def entity_text(entity: EntityId) -> str:
+    """Return the id of an entity as plans and pages print it, such as ``"e12"`` or ``"r3"``."""
+    if isinstance(entity, str):
+        return entity
+    return f"e{entity}"
+
+
+def _required_text(requirement: ModelDimension | GeometricTolerance) -> str:
+    """Return what a model requires, with its unit."""
+    if isinstance(requirement, GeometricTolerance):
+        return requirement.frame
+    texts = []
+    if requirement.nominal is not None:
+        texts.append(f"{requirement.nominal:.6g} {requirement.unit}")
+    if requirement.tolerance_class is not None:
+        texts.append(requirement.tolerance_class)
+    if requirement.tolerance is not None:
+        lower, upper = requirement.tolerance
+        texts.append(f"{upper:+g}/{lower:+g}")
+    return " ".join(texts)
 
 
 def list_tolerances(

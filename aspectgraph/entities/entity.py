@@ -276,6 +276,13 @@ def is_curve_id(target: object) -> bool:
     return isinstance(target, str) and _CURVE_ID.fullmatch(target) is not None
 
 
+def for_name(name: str, entity: object) -> str:
+    """Return which name stands for an entity, to end a message; empty where it is named like itself."""
+    if name == entity:
+        return ""
+    return f" for {name!r}"
+
+
 def find_curve(solid: Solid, target: str | Arc, name: str, min_dihedral_deg: float) -> Arc:
     """Return the rim or arc of a solid that an id or an object stands for.
 
@@ -304,7 +311,7 @@ def find_curve(solid: Solid, target: str | Arc, name: str, min_dihedral_deg: flo
         )
         raise EntityError(
             f"a rim or arc must be one of the solid's {n_rims} rims and {n_arcs} arcs, r0, r1, … and a0, a1, …. "
-            f"Got {curve_id!r} for {name!r}{'' if match is None else ', that of another solid'}."
+            f"Got {curve_id!r}{for_name(name, curve_id)}{'' if match is None else ', that of another solid'}."
         )
     if match.dihedral_deg < min_dihedral_deg:
         raise EntityError(
@@ -790,17 +797,19 @@ def _resolve(
     if isinstance(target, int | np.integer) and not isinstance(target, bool):
         if not 0 <= target < len(solid.edges):
             raise EntityError(
-                f"an edge id must be in 0..{len(solid.edges) - 1}. Got {target} for {name!r}."
+                f"an edge id must be in 0..{len(solid.edges) - 1}. Got {target}{for_name(name, f'e{target}')}."
             )
         return Entity(name, solid.edge_points(int(target)), (int(target),))
     try:
         ends = np.array(target, dtype=np.float64)
     except (OverflowError, TypeError, ValueError) as error:
         raise EntityError(
-            f"{_STRAIGHT_EDGES_MAY_BE} Got {repr(target)[:200]} for {name!r}."
+            f"{_STRAIGHT_EDGES_MAY_BE} Got {repr(target)[:200]}{for_name(name, target)}."
         ) from error
     if ends.shape != (2, 3) or not (np.abs(ends) <= FARTHEST_MM).all():
-        raise EntityError(f"{_STRAIGHT_EDGES_MAY_BE} Got {repr(target)[:200]} for {name!r}.")
+        raise EntityError(
+            f"{_STRAIGHT_EDGES_MAY_BE} Got {repr(target)[:200]}{for_name(name, target)}."
+        )
     if np.linalg.norm(ends[1] - ends[0]) <= tolerance_mm:
         raise EntityError(
             f"an entity must have a length. Got two end points at {describe_point(ends[0])} for {name!r}."

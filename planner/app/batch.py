@@ -63,6 +63,7 @@ from planner.plan import InspectionPlan
 from planner.plan_file import Amount, Count
 from planner.progress import Progress, report
 from planner.report.plan_folder import PLAN_FILES, Written, folder_lock, with_source, write_outputs
+from planner.report.wording import STOPPED_EARLY
 from planner.request.camera_limits import MOST_SEED
 from planner.request.constraints import limit_names
 from planner.resolve_request import ResolvedRequest, request_of_any_part, resolve_request
@@ -243,11 +244,11 @@ class PartResult:
     part : str
         Its file, relative to the folder of parts.
     status : {"planned", "incomplete", "refused", "failed"}
-        "incomplete": some entity cannot be inspected, or the simulation contradicts the plan.
+        "incomplete": some entity cannot be inspected, no lamp shows it, or the simulation contradicts the plan.
         "refused": the part or the request breaks a rule, and would break it again. "failed":
         another error occurred, and the next call tries again.
     reason : str
-        Why there is no plan, or what it lacks. Otherwise empty.
+        Why there is no plan, what it lacks, or that it was stopped early. Otherwise empty.
     entities, settings, lower_bound : int
         Numbers of the plan, 0 without one.
     seconds : float
@@ -583,10 +584,13 @@ def _described(
     simulation = plan.simulation
     if simulation is not None and not simulation.confirmed:
         reasons.append("the simulation contradicts the plan")
+    if plan.unlit:
+        reasons.append(f"no lamp shows {', '.join(plan.unlit)}")
+    notes = [STOPPED_EARLY] if plan.unfinished else []
     return replace(
         blank,
         status=INCOMPLETE if reasons else PLANNED,
-        reason="; ".join(reasons),
+        reason="; ".join([*reasons, *notes]),
         entities=len(plan.entities),
         settings=len(plan.settings),
         lower_bound=int(plan.lower_bound),

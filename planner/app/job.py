@@ -194,7 +194,9 @@ def _lamps(text: str | None) -> Any:
             light_facts(name, numbers)
         return text
     if name == "at":
-        return check_lamps_given([_numbers(place, text) for place in numbers.split(";")])
+        places = [_numbers(place, text) for place in numbers.split(";")]
+        if all(len(place) == 3 for place in places):
+            return check_lamps_given(places)
     if name == "box":
         values = _numbers(numbers, text)
         if len(values) == 6:

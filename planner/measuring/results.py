@@ -37,7 +37,7 @@ from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import NumberOrNull, Registered
 from planner.measuring.response import ResponseRecord
-from planner.request.dimension import plain_tolerance
+from planner.request.dimension import POSITION, plain_tolerance
 from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState
 from planner.request.targets import Target
 from planner.request.words import tolerance_text
@@ -86,7 +86,9 @@ def decimals_of(uncertainty: float) -> int:
 
 
 def nominal_text(result: Result) -> str:
-    """Return the nominal value with its unit and tolerance."""
+    """Return the nominal value with its unit and tolerance; of a position the zone."""
+    if result.kind == POSITION and result.tolerance is not None:
+        return f"⌀{result.tolerance[1]:.6g} {result.unit}"
     tolerance = "" if result.tolerance is None else f" {tolerance_text(result.tolerance)}"
     return f"{result.nominal:.6g} {result.unit}{tolerance}"
 
@@ -848,7 +850,10 @@ class MeasurementResults(ShownInNotebook):
         return len(self.results)
 
     def __getitem__(self, name: str) -> Result:
-        """Return the result of a target."""
+        """Return the result of a target, or raise a `KeyError` that lists the targets."""
+        if name not in self.results:
+            targets = ", ".join(self.results)
+            raise KeyError(f"results must be asked for a target: {targets}. Got {name!r}.")
         return self.results[name]
 
     def __repr__(self) -> str:

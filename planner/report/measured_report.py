@@ -79,7 +79,8 @@ def _row(result: Result) -> tuple[str, ...]:
         result.name,
         nominal_text(result),
         *value_texts(result),
-        f"{100 * share:.0f} %",
+        # of an image that was not registered nothing was looked for
+        f"{100 * share:.0f} %" if share or result.measured else "",
         result.decision.value,
     )
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aspectgraph import EntityAspectGraph
+from aspectgraph.dimensions.geometric import entity_text
 from errors.checks import frequency_text, interval_text, probability_text
 from planner.optics import PosePrediction, PosesPrediction
 from planner.plan import InspectionPlan
@@ -17,6 +18,7 @@ from planner.progress import visible
 from planner.report.part_tables import vector_text
 from planner.report.tables import nearest_limits
 from planner.report.wording import (
+    STOPPED_EARLY,
     brief_verdict,
     edges_text,
     evolved_sentence,
@@ -196,7 +198,7 @@ def _entities_or_reason(requirement: ModelDimension | GeometricTolerance) -> Any
     """Return the entities that measure a requirement, or why none do."""
     if requirement.entities is None:
         return words(requirement.reason or "")
-    return listed(map(str, requirement.entities))
+    return listed(map(entity_text, requirement.entities))
 
 
 def _dimension_row(dimension: Any) -> tuple[Any, ...]:
@@ -439,6 +441,9 @@ def print_batch(results: Sequence[Any]) -> None:
     counts = {status: sum(result.status == status for result in results) for status in _STATUSES}
     texts = ", ".join(f"{n} {status}" for status, n in counts.items() if n)
     print_text(f"{count(len(results), 'part')}: {texts}")
+    n_early = sum(result.reason.endswith(STOPPED_EARLY) for result in results)
+    if n_early:
+        print_text(f"{n_early} of them {STOPPED_EARLY}")
     n_left_out = sum(result.left_out for result in results)
     if n_left_out:
         print_text(f"{count(n_left_out, 'dimension')} left out, see left_out_reasons in the tables")

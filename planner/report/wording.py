@@ -368,13 +368,20 @@ def _largest(result: SimulationResult, kind: str) -> str:
 
 def graph_sentence(n_entities: int, graph_limit: int | None) -> str:
     """Say that the joint graph was left out, and what to do about it."""
-    limit = f"the limit is {graph_limit}; --graph-limit changes it"
-    if graph_limit is None:
-        limit = f"--graph-limit {n_entities} builds it anyway"
+    if graph_limit is not None:
+        return (
+            f"graph.graphml was not written: --graph-limit is {graph_limit}, and the plan has "
+            f"{count(n_entities, 'entity', 'entities')}."
+        )
     return (
         f"graph.graphml was not written: the joint graph of {n_entities} entities may take long to build and to draw "
-        f"({limit}). For a few entities, run: aspectgraph graph PART --entities IDS --graphml FILE."
+        f"(--graph-limit {n_entities} builds it anyway). For a few entities, run: aspectgraph graph PART "
+        "--entities IDS --graphml FILE."
     )
+
+
+STOPPED_EARLY = "stopped early, so a longer time limit may need fewer settings"
+"""What is said of a plan of a folder that was not finished."""
 
 
 def regions_sentence(shares: Mapping[str, float], n_together: int) -> str:

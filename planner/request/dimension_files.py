@@ -167,7 +167,7 @@ _OPTIONS = (
     *("edge_break_mm", "zone", "datums"),
 )
 # in the unit of the values, mm or degrees
-_UNITS = {"mm": 1.0, "um": 1e-3, "in": 25.4, "deg": 1.0, "rad": 57.29577951308232}
+_UNITS = {"mm": 1.0, "um": 1e-3, "in": 25.4, "inch": 25.4, "deg": 1.0, "rad": 57.29577951308232}
 _ANGLES = ("deg", "rad")
 
 

@@ -29,7 +29,7 @@ from planner.request.camera_limits import (
 )
 from planner.request.constraints import Constraints, Requirements
 from planner.request.problem import Objective, Problem
-from planner.request.reach import Reach, Space, cells_of
+from planner.request.reach import Reach, Space, TargetSpace, cells_of, entity_space
 from planner.request.targets import check_is_edge
 from planner.search.poses import (
     Ascent,
@@ -232,6 +232,8 @@ def explain_infeasible(
             break
         margin, entity = _best_margin(name, constraints, encoding, tried, rng)
         if margin < 0:
+            if name == "visibility" and (why := _dark_reason(constraints, encoding, tried, entity)):
+                return InfeasibleError(why, constraint="light", entity=entity, margin=margin)
             # of visibility the margin is only a sign
             best = (
                 ""
@@ -245,6 +247,26 @@ def explain_infeasible(
                 margin=margin,
             )
     return _nearest_misses(margins, constraints)
+
+
+def _dark_reason(
+    constraints: Constraints, encoding: PoseEncoding, tried: np.ndarray, entity: str
+) -> str:
+    """Say that poses see an entity which a light with an area does not show; empty if none does."""
+    space = constraints.space
+    lit: Any = entity_space(space)
+    area = getattr(lit, "area", None)
+    if area is None:
+        return ""
+    names = [entity] if entity else list(constraints.names)
+    unlit = (
+        TargetSpace(lit.regions, space.entities) if isinstance(space, TargetSpace) else lit.regions
+    )
+    eyes = encoding.poses(tried)[:, :3, 3]
+    if not unlit.observable(eyes, names).all(axis=1).any():
+        return ""
+    # without a name, as the reason of many is said once
+    return f"poses see it, but under {area} it {area.reason}."
 
 
 def _best_margin(

@@ -56,6 +56,7 @@ _LEAST = 1e-9
 
 MEANING = {
     "visibility": ReasonKind.UNOBSERVABLE,
+    "light": ReasonKind.NOT_SHOWN,
     "resolution_mm": ReasonKind.TOO_SHORT,
     "focus_mm": ReasonKind.OUT_OF_FOCUS,
     "field_of_view_px": ReasonKind.TOO_LARGE,

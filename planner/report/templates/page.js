@@ -88,6 +88,18 @@
       choose(group);
     });
   });
+  // paper shows no WebGL: of what is drawn, a still picture is kept, which the sheet for print shows in its place
+  let due = 0;
+  function keepStill() {
+    const drawn = scene._fullLayout.scene._scene;
+    if (!drawn || !drawn.glplot) return;
+    const still = drawn.container.querySelector("img.still") || drawn.container.appendChild(new Image());
+    still.className = "still";
+    still.alt = "3-D view";
+    still.src = drawn.toImage("png");
+  }
+  scene.on("plotly_afterplot", () => { clearTimeout(due); due = setTimeout(keepStill, 300); });
+  scene.on("plotly_relayout", () => { clearTimeout(due); due = setTimeout(keepStill, 300); });
   // a picture that is drawn for the screen is made as small as the paper
   const frame = scene.closest(".scene").style;
   addEventListener("beforeprint", () => {
@@ -100,5 +112,5 @@
   // the picture was drawn before the graph beside it took its share of the width; below it the legend takes none
   const below = { orientation: "h", x: 0, xanchor: "left", y: -0.01, yanchor: "top", maxheight: 0.4 };
   Plotly.Plots.resize(scene).then(() => Plotly.relayout(scene, { legend: { ...scene.layout.legend, ...below } })).then(() => show("everything"))
-    .then(() => { document.body.dataset.ready = "yes"; });
+    .then(() => { keepStill(); document.body.dataset.ready = "yes"; });
 })();

@@ -299,7 +299,9 @@ def test_what_a_time_limit_ended_is_kept_for_a_longer_one(parts, request_, tmp_p
     regions = tmp_path / "out" / "a.off" / batch.REGIONS_FOLDER
     with ThreadPoolExecutor(1) as executor:
         monkeypatch.setattr(batch, "plan_request", ended_early)
-        plan_folder(parts, tmp_path / "out", request_, executor=executor)
+        (early,) = plan_folder(parts, tmp_path / "out", request_, executor=executor)
+        assert early.status == "planned"
+        assert early.reason.startswith("stopped early")
         assert len(list(regions.glob("*.npz"))) == 2
         monkeypatch.undo()
         longer = replace(request_, limits={"time_limit_s": 600.0})
@@ -529,7 +531,13 @@ def test_stated_dimensions_are_planned_as_those_of_one_part(tmp_path, monkeypatc
         (work.folder / "plan.json").write_text("{}")
         names = dict.fromkeys(target.name for target in work.resolved.request.targets)
         return SimpleNamespace(
-            uninspectable={}, simulation=None, entities=names, settings=(), lower_bound=0
+            uninspectable={},
+            simulation=None,
+            entities=names,
+            settings=(),
+            lower_bound=0,
+            unlit=(),
+            unfinished=False,
         ), None
 
     # the search takes long, and others test it

@@ -501,7 +501,7 @@ def test_interrupted_simulation_does_not_speak_of_resuming(folder, capsys, monke
 
 def test_skipped_graph_is_told_on_the_terminal_and_in_the_report(folder, quick, capsys):
     assert main([*PLAN, "--simulate", "100", "--graph-limit", "3"]) == DONE
-    sentence = "graph.graphml was not written: the joint graph of 4 entities may take long to build and to draw"
+    sentence = "graph.graphml was not written: --graph-limit is 3, and the plan has 4 entities."
     assert sentence in capsys.readouterr().out
     assert sentence in (folder / "out" / "report.html").read_text()
     assert not (folder / "out" / "graph.graphml").exists()

@@ -956,7 +956,7 @@ BAD_BAD_INPUTS = {
     ),
     "an unknown id": (
         ["plan", BLOCK_BAD_INPUTS, "--entities", "999", *CAMERA_BAD_INPUTS],
-        "--entities: an edge id must be in 0..35. Got 999 for 'e999'.",
+        "--entities: an edge id must be in 0..35. Got 999.",
     ),
     "an unknown id in a file": (
         ["graph", BLOCK_BAD_INPUTS, "--entities", "unknown.toml", "--graphml", "g.graphml"],
@@ -968,7 +968,7 @@ BAD_BAD_INPUTS = {
     ),
     "a dimension of an unknown id": (
         ["optics", BLOCK_BAD_INPUTS, "--dimensions", "dimensions.toml"],
-        "--dimensions dimensions.toml: dimension 'a': an edge id must be in 0..35. Got 999 for 'e999'.",
+        "--dimensions dimensions.toml: dimension 'a': an edge id must be in 0..35. Got 999.",
     ),
     "a share of no tolerance": (
         [*EDGES, "--share", "0.3"],

@@ -54,7 +54,7 @@ def folder(tmp_path, monkeypatch, request):
 @pytest.mark.usefixtures("folder")
 def test_lamps_to_be_placed_are_written_and_told(folder, capsys):
     light = ["--light", "box:-600,-400,200,600,400,700"]
-    assert main([*PLAN, *light]) == DONE
+    assert main([*PLAN, *light, "--explain"]) == DONE
     told = " ".join(capsys.readouterr().out.split())
     assert "setting lamp on lamp at (mm) targets least contrast expose so that" in told
     assert " 1 lamp 1 " in told
@@ -80,7 +80,7 @@ def test_lamps_to_be_placed_are_written_and_told(folder, capsys):
 
 @pytest.mark.usefixtures("folder")
 def test_lamps_that_are_on_together(folder, capsys):
-    assert main([*PLAN, "--light", "lamps.toml", "--together"]) == DONE
+    assert main([*PLAN, "--light", "lamps.toml", "--together", "--explain"]) == DONE
     told = " ".join(capsys.readouterr().out.split())
     assert "all on together" in told
     found = read_plan(folder / "out" / "plan.json")
@@ -147,7 +147,7 @@ BAD = {
     "dome without size": (["--light", "dome:0,0,0,0"], "radius_mm must be positive. Got 0.0."),
     "two coordinates": (
         ["--light", "at:1,2"],
-        "--light must be finite numbers in mm, shape (n, 3).",
+        "--light must be at:X,Y,Z[;X,Y,Z...]: three numbers for each lamp, in mm. Got 'at:1,2'.",
     ),
     "lamp inside": (
         ["--light", "at:5,5,5"],

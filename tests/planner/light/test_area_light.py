@@ -27,6 +27,7 @@ from planner.app.job import read_lighting
 from planner.app.options import Light
 from planner.light.area_light import AreaSpace, EdgePoints, Sight, entity_shown
 from planner.light.lighting import Lighting
+from planner.sensor_setting import ReasonKind
 
 PLATE = holed_plate()
 (CENTRE, RADIUS) = HOLES["left"]
@@ -334,3 +335,16 @@ def test_the_space_is_in_front_and_passes_to_other_processes():
     assert space.observable(eyes)[:, 0].tolist() == [True, False, False]
     assert regions.covering_cells(["rim"]).contains(eyes).tolist()[::2] == [True, True]
     assert space.covering_cells(["rim"]).contains(eyes).tolist()[::2] == [True, False]
+
+
+def test_what_is_in_view_but_not_its_outline_is_said_to_be_not_shown():
+    """From near above, the lower rim bounds the light in a bore, so that the upper one is no outline."""
+    upper = {"upper": Dimension.diameter(rim_at(HEIGHT).id, tolerance_mm=(-0.5, 0.5))}
+    made = plan_inspection(PLATE, upper, CAMERA, UNCERTAINTY, effort=QUICK, lamps=UNDER)
+    reason = made.uninspectable["upper"]
+    assert reason.kind is ReasonKind.NOT_SHOWN
+    assert reason.startswith("not shown by the light: poses see it, but under")
+    assert str(UNDER) in reason
+    assert "is not the outline of the part in front of the backlight" in reason
+    # the same without light is inspected
+    assert not plan_inspection(PLATE, upper, CAMERA, UNCERTAINTY, effort=QUICK).uninspectable

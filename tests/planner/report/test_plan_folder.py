@@ -214,7 +214,7 @@ def test_else_the_regions_are_summed_up(regions, monkeypatch):
 def test_a_limit_that_is_given_is_kept(regions):
     graph, notes = _joint_graph(regions, 25)
     assert graph is None
-    assert "the limit is 25; --graph-limit changes it" in notes[0]
+    assert "--graph-limit is 25, and the plan has" in notes[0]
 
 
 def test_a_deadline_ends_it_between_two_entities(regions, monkeypatch):

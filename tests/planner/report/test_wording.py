@@ -261,9 +261,10 @@ def test_proof_counts_in_good_english():
 
 
 def test_a_skipped_graph_is_told_with_what_to_do():
-    text = graph_sentence(60, 24)
+    assert "--graph-limit is 24, and the plan has 60 entities" in graph_sentence(60, 24)
+    text = graph_sentence(60, None)
     assert "joint graph of 60 entities" in text
-    assert "the limit is 24" in text
+    assert "--graph-limit 60 builds it anyway" in text
     assert "aspectgraph graph PART --entities IDS --graphml FILE" in text
 
 

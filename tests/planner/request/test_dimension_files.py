@@ -93,7 +93,7 @@ both = { distance = [17, 18], tolerance = { lower = -0.3, upper = 0.2 } }
         ),
         (
             'a = { diameter = "r3", max_error = 1, unit = "deg" }',
-            "unit must be one of mm, um, in. Got 'deg'",
+            "unit must be one of mm, um, in, inch. Got 'deg'",
         ),
         (
             'a = { diameter = "r3", tolerance = [1, -1] }',
