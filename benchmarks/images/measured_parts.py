@@ -110,13 +110,8 @@ def rendered(model: Model, seed: int, condition: Condition, options) -> dict[str
     planes = condition.surfaces * options.surfaces_mm
     model.part.deviate(rng, planes, CYLINDERS * planes, TILTS * planes)
     plan = model.plan
-    optics = Optics(
-        plan.camera.matrix,
-        plan.camera.resolution,
-        exposure=options.exposure,
-        gloss=options.gloss,
-        samples=3,
-        every=3,
+    optics = Optics.of(
+        plan.camera, exposure=options.exposure, gloss=options.gloss, samples=3, every=3
     )
     scene = PartImages(model.part.vertices, model.part.triangles, optics)
     sigmas = condition.poses * plan.pose_uncertainty.sigmas

@@ -38,7 +38,7 @@ from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import NumberOrNull, Registered
 from planner.measuring.response import ResponseRecord
 from planner.request.dimension import plain_tolerance
-from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState
+from planner.request.edge_state import EdgeState
 from planner.request.targets import Target
 from planner.request.words import tolerance_text
 
@@ -444,15 +444,87 @@ def _weighted(readings: Sequence[Reading], common: NDArray[np.float64] | None) -
     return _Combined(value, u * math.sqrt(spread / freedoms), (note,))
 
 
-def edges_text(results: Sequence[Result], states: Mapping[str, EdgeState]) -> str:
-    """Say by how much edges are taken to be broken, and what a break would do where none is stated.
+@dataclass(frozen=True)
+class UnseenBreaks:
+    """What breaks that nobody states and images do not show would do to uncertainties.
+
+    Attributes
+    ----------
+    limit_mm : float
+        Images would show larger breaks, mm.
+    uncertainties : dict of str to float
+        U of values, if their edges are broken by anything from 0 to this limit.
+    open_decisions : tuple of str
+        Targets that are then undecided.
+    """
+
+    limit_mm: float
+    uncertainties: Annotated[Mapping[str, float], Key("U")]
+    open_decisions: tuple[str, ...] = ()
+
+
+def unseen_breaks(
+    results: Mapping[str, Result],
+    states: Mapping[str, EdgeState],
+    limit_mm: float,
+    rule: DecisionRule,
+) -> UnseenBreaks | None:
+    """Return what breaks that nobody states and images do not show would do; None if all are stated.
 
     Parameters
     ----------
-    results : sequence of Result
+    results : mapping of str to Result
         What was measured.
     states : mapping of str to EdgeState
         By target.
+    limit_mm : float
+        Largest break that images do not show, mm.
+    rule : DecisionRule
+        How it was decided.
+    """
+    uncertainties = {}
+    undecided = []
+    for result in results.values():
+        state = states.get(result.name)
+        if not result.measured or state is None or state.stated or limit_mm <= state.high_mm:
+            continue
+        # steps move in proportion to narrow breaks
+        more = result.budget["edge state"] * ((limit_mm / state.high_mm) ** 2 - 1.0)
+        if more <= 0:
+            continue
+        u = math.sqrt(result.standard_uncertainty**2 + more)
+        uncertainties[result.name] = COVERAGE * u
+        if _decided(result, u, rule) != result.decision:
+            undecided.append(result.name)
+    if not uncertainties:
+        return None
+    return UnseenBreaks(limit_mm, uncertainties, tuple(undecided))
+
+
+def _decided(result: Result, u: float, rule: DecisionRule) -> Decision:
+    """Return the decision with another standard uncertainty."""
+    good = [reading for reading in result.readings if reading.measured]
+    if result.tolerance is None or not good[0].deviation_mm:
+        return decide(result.deviation, u, result.tolerance, rule)
+    best = min(good, key=lambda reading: reading.standard_uncertainty)
+    covariance = np.array(best.covariance_mm2)
+    covariance += (u**2 - result.standard_uncertainty**2) * np.eye(len(covariance))
+    return decide_deviation(best.deviation_mm, covariance, result.tolerance[1], rule)[0]
+
+
+def edges_text(
+    results: Mapping[str, Result], states: Mapping[str, EdgeState], unseen: UnseenBreaks | None
+) -> str:
+    """Say by how much edges are taken to be broken, and what larger breaks would do where none is stated.
+
+    Parameters
+    ----------
+    results : mapping of str to Result
+        What was measured.
+    states : mapping of str to EdgeState
+        By target.
+    unseen : UnseenBreaks or None
+        What breaks would do that nobody states.
 
     Returns
     -------
@@ -466,42 +538,18 @@ def edges_text(results: Sequence[Result], states: Mapping[str, EdgeState]) -> st
         texts = [f"{name}: {state}" for name, state in states.items() if state.stated]
     if not all(state.stated for state in states.values()) and len(common) > 1:
         texts.append(f"others: {EdgeState()}")
-    shifts = break_shifts(results, states)
-    affected = [result for result in results if result.name in shifts]
-    if affected:
-        worst = max(affected, key=lambda result: shifts[result.name] / result.expanded_uncertainty)
-        texts.append(
-            f"a break of {TYPICAL_BREAK_MM:g} mm would move {worst.name} by up to {shifts[worst.name]:.2g} "
-            f"{worst.unit}, its U is {worst.expanded_uncertainty:.2g} {worst.unit} (state it with edge_break_mm "
-            "or --edges)"
-        )
-    return "; ".join(texts)
-
-
-def break_shifts(results: Sequence[Result], states: Mapping[str, EdgeState]) -> dict[str, float]:
-    """Return how far a usual break of 0.1 mm would move each value whose edges are not stated, in its unit.
-
-    Parameters
-    ----------
-    results : sequence of Result
-        What was measured.
-    states : mapping of str to EdgeState
-        By target.
-    """
-    shifts = {}
-    for result in results:
-        if not result.measured or result.name not in states or states[result.name].stated:
-            continue
-        shift = TYPICAL_BREAK_MM * _largest_shift(result)
-        if shift > 0:
-            shifts[result.name] = shift
-    return shifts
-
-
-def _largest_shift(result: Result) -> float:
-    """Return how far a break of 1 mm moves a value at most, in the reading that it moves least."""
-    shifts = [reading.edge_shift for reading in result.readings if reading.measured]
-    return min((shift for shift in shifts if math.isfinite(shift)), default=0.0)
+    if unseen is None:
+        return "; ".join(texts)
+    wider = unseen.uncertainties
+    worst = results[max(wider, key=lambda name: wider[name] / results[name].expanded_uncertainty)]
+    texts.append(
+        f"U holds for that. Images would not show breaks of up to {unseen.limit_mm:.2g} mm: with them, U of "
+        f"{worst.name} is {wider[worst.name]:.2g} {worst.unit}, not {worst.expanded_uncertainty:.2g} {worst.unit}"
+    )
+    if unseen.open_decisions:
+        names = ", ".join(unseen.open_decisions[:4]) + ", ..." * (len(unseen.open_decisions) > 4)
+        texts.append(f"and it is open whether {names} conform")
+    return "; ".join(texts) + ". State the edges: --edges sharp, or edge_break_mm"
 
 
 # Results as QIF 3.0 (ANSI/DMSC, ISO 23952): characteristics, their measurements and statuses, as
@@ -821,8 +869,8 @@ class MeasurementResults(ShownInNotebook):
         How much light their grey values stand for, and what says so.
     edges : str
         By how much edges are taken to be broken.
-    break_shifts : dict of str to float
-        How far a break of 0.1 mm would move each value whose edges are not stated, in its unit.
+    unseen : UnseenBreaks or None
+        What breaks that nobody states and images do not show would do; None if edges are stated.
     """
 
     results: Mapping[str, Result]
@@ -836,7 +884,7 @@ class MeasurementResults(ShownInNotebook):
     pictures: Mapping[str, Picture] = field(default_factory=dict)
     responses: Mapping[str, ResponseRecord] = field(default_factory=dict)
     edges: str = ""
-    break_shifts: Mapping[str, float] = field(default_factory=dict)
+    unseen: UnseenBreaks | None = None
 
     def __iter__(self) -> Iterator[Result]:
         """Go through the results in the plan's order."""
@@ -916,6 +964,7 @@ class MeasurementResults(ShownInNotebook):
             source=self.source,
             notes=self.notes,
             edges=self.edges,
+            unseen_breaks=self.unseen,
             results=tuple(self),
             measured=tuple(result.name for result in self if result.measured),
             correlation=self.correlation,
@@ -1085,6 +1134,7 @@ class ResultsFile:
     source: Source
     notes: tuple[str, ...]
     edges: str
+    unseen_breaks: UnseenBreaks | None
     results: tuple[Result, ...]
     measured: tuple[str, ...]
     correlation: Annotated[NDArray[np.float64], Shape(None, None)]

@@ -197,7 +197,8 @@ def unstated_edges_text(plan: InspectionPlan) -> str:
     return (
         f"planned as sharp; a break of {TYPICAL_BREAK_MM:g} mm would move {target.name} by up to {shift:.2g} "
         f"{target.unit}, its U is {expanded:.2g} {target.unit}. 'measure' assumes breaks of up to {assumed.high_mm:g} "
-        f"mm where none is stated (edge_break_mm or --edges), and then its U is about {measured:.2g} {target.unit}"
+        f"mm where none is stated, and then its U is about {measured:.2g} {target.unit}. State the edges: --edges "
+        "sharp, or edge_break_mm"
     )
 
 
