@@ -31,6 +31,7 @@ from planner.measuring.breaks import px_across
 from planner.measuring.images import Picture
 from planner.measuring.registered import Registered
 from planner.measuring.samples import EdgeTable, PartModel, across_of, pixels_of, profiles_of
+from planner.measuring.verdict import Sampled
 from planner.request.edge_state import UNSTATED_MM, EdgeState, chamfer_lines
 
 Array = NDArray[np.float64]
@@ -55,6 +56,9 @@ LEAST_TIMES = 0.8
 
 # px: half of a profile, with the distance of other lines that it needs
 _HALVES = ((12.0, 14.0), (8.0, 10.0), (6.0, 8.0), (4.5, 6.0))
+# px beside an edge where its faces are certain, and the least cosine of normals of one face
+_NEAR_PX = 2.0
+_SAME_FACE = 0.98
 _EVERY = 2
 _PLACE_PX = 0.3
 _MARGIN_PX = 1.5
@@ -220,8 +224,10 @@ def _sections(
     places, grey = profiles_of(picture.grey, centres, across, _HALVES[0][0])
     grey = grey / picture.white
     half = np.zeros(len(points))
+    sampled = Sampled(model.edges.scene, camera, pose, edges, samples)
     for length, room in reversed(_HALVES):
-        half[shown.apart(edges, samples.edge, shown.pixels, room)] = length
+        alone = shown.apart(edges, samples.edge, shown.pixels, room)
+        half[alone & _between_flat(sampled, across, length)] = length
     normals = EdgeTable(edges).at(samples.edge, samples.share)[2]
     convex = np.array([edge.convex for edge in edges], dtype=np.bool_)[samples.edge]
     lines = chamfer_lines(normals, samples.tangents, convex, pose[:3, 3] - points)
@@ -248,6 +254,18 @@ def _sections(
         variance,
     )
     return _chosen(sections, np.flatnonzero(strong)) if strong.any() else None
+
+
+def _between_flat(sampled: Sampled, across: Array, length: float) -> NDArray[np.bool_]:
+    """Return which samples (m,) have the same face, or none, on each side as far as a profile reaches.
+
+    A round face that begins there without an edge has light of its own, as a break has.
+    """
+    near, near_on_part = sampled.beside(across, _NEAR_PX)
+    far, far_on_part = sampled.beside(across, length)
+    cosine = (near.normals * far.normals).sum(axis=2)
+    same = near_on_part & far_on_part & (cosine >= _SAME_FACE)
+    return np.asarray((same | ~(near_on_part | far_on_part)).all(axis=0))
 
 
 def _groups(key: NDArray[np.int64], usable: NDArray[np.bool_]) -> list[NDArray[np.int64]]:

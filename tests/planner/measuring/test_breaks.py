@@ -66,8 +66,8 @@ def test_what_is_assumed_is_said_with_u_of_what_images_do_not_show():
     for result in stated:
         corrected = abs(result.value - assumed[result.name].value)
         u = np.hypot(result.standard_uncertainty, corrected)
-        # two lines that merge move a step by less than in proportion
-        assert 0.95 < unseen.uncertainties[result.name] / (2 * u) < 1.4
+        # steps of lines that merge do not move in proportion
+        assert 0.8 < unseen.uncertainties[result.name] / (2 * u) < 1.4
     told = results("chamfer", (0.2, 0.4))
     assert told.edges == "broken by 0.2 to 0.4 mm"
     assert told.unseen is None
