@@ -63,7 +63,7 @@ from planner.measuring.task import (
     distance_of,
 )
 from planner.request.dimension import is_one_sided
-from planner.request.edge_state import UNSEEN_PX, EdgeState, checked_break
+from planner.request.edge_state import MOST_UNSEEN_MM, UNSEEN_PX, EdgeState, checked_break
 from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES
 from planner.request.targets import Target, targets_of
 from planner.sensor_setting import SensorSetting, setting_name
@@ -969,7 +969,9 @@ class Measurer:
             for image in registered.values()
         ]
         pitch = float(max(camera.pixel_pitch_mm)) / camera.image_distance_mm
-        return UNSEEN_PX * pitch * float(np.median(depths)) if depths else 0.0
+        if not depths:
+            return 0.0
+        return min(UNSEEN_PX * pitch * float(np.median(depths)), MOST_UNSEEN_MM)
 
     def _floor_px(self, planned: Localisation, options: MeasureOptions) -> float:
         if options.localisation is not None:

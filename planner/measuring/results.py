@@ -542,13 +542,14 @@ def edges_text(
         return "; ".join(texts)
     wider = unseen.uncertainties
     worst = results[max(wider, key=lambda name: wider[name] / results[name].expanded_uncertainty)]
-    texts.append(
+    text = (
         f"U holds for that. Images would not show breaks of up to {unseen.limit_mm:.2g} mm: with them, U of "
         f"{worst.name} is {wider[worst.name]:.2g} {worst.unit}, not {worst.expanded_uncertainty:.2g} {worst.unit}"
     )
     if unseen.open_decisions:
         names = ", ".join(unseen.open_decisions[:4]) + ", ..." * (len(unseen.open_decisions) > 4)
-        texts.append(f"and it is open whether {names} conform")
+        text += f", and it is open whether {names} conform{'s' * (len(unseen.open_decisions) == 1)}"
+    texts.append(text)
     return "; ".join(texts) + ". State the edges: --edges sharp, or edge_break_mm"
 
 
