@@ -46,14 +46,12 @@ from planner.measuring.results import (
     MeasurementResults,
     Result,
     Source,
-    edges_text,
     joined_ends,
     merged,
-    unseen_breaks,
     weights_of,
 )
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartEdge, PartModel
-from planner.measuring.seen_breaks import seen_break, seen_notes
+from planner.measuring.seen_breaks import edges_text, seen_break, seen_notes, unseen_breaks
 from planner.measuring.task import (
     REPEATABILITY,
     NotRegisteredError,

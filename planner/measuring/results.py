@@ -38,7 +38,6 @@ from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import NumberOrNull, Registered
 from planner.measuring.response import ResponseRecord
 from planner.request.dimension import plain_tolerance
-from planner.request.edge_state import EdgeState
 from planner.request.targets import Target
 from planner.request.words import tolerance_text
 
@@ -461,96 +460,6 @@ class UnseenBreaks:
     limit_mm: float
     uncertainties: Annotated[Mapping[str, float], Key("U")]
     open_decisions: tuple[str, ...] = ()
-
-
-def unseen_breaks(
-    results: Mapping[str, Result],
-    states: Mapping[str, EdgeState],
-    limit_mm: float,
-    rule: DecisionRule,
-) -> UnseenBreaks | None:
-    """Return what breaks that nobody states and images do not show would do; None if all are stated.
-
-    Parameters
-    ----------
-    results : mapping of str to Result
-        What was measured.
-    states : mapping of str to EdgeState
-        By target.
-    limit_mm : float
-        Largest break that images do not show, mm.
-    rule : DecisionRule
-        How it was decided.
-    """
-    uncertainties = {}
-    undecided = []
-    for result in results.values():
-        state = states.get(result.name)
-        if not result.measured or state is None or state.stated or limit_mm <= state.high_mm:
-            continue
-        # steps move in proportion to narrow breaks
-        more = result.budget["edge state"] * ((limit_mm / state.high_mm) ** 2 - 1.0)
-        if more <= 0:
-            continue
-        u = math.sqrt(result.standard_uncertainty**2 + more)
-        uncertainties[result.name] = COVERAGE * u
-        if _decided(result, u, rule) != result.decision:
-            undecided.append(result.name)
-    if not uncertainties:
-        return None
-    return UnseenBreaks(limit_mm, uncertainties, tuple(undecided))
-
-
-def _decided(result: Result, u: float, rule: DecisionRule) -> Decision:
-    """Return the decision with another standard uncertainty."""
-    good = [reading for reading in result.readings if reading.measured]
-    if result.tolerance is None or not good[0].deviation_mm:
-        return decide(result.deviation, u, result.tolerance, rule)
-    best = min(good, key=lambda reading: reading.standard_uncertainty)
-    covariance = np.array(best.covariance_mm2)
-    covariance += (u**2 - result.standard_uncertainty**2) * np.eye(len(covariance))
-    return decide_deviation(best.deviation_mm, covariance, result.tolerance[1], rule)[0]
-
-
-def edges_text(
-    results: Mapping[str, Result], states: Mapping[str, EdgeState], unseen: UnseenBreaks | None
-) -> str:
-    """Say by how much edges are taken to be broken, and what larger breaks would do where none is stated.
-
-    Parameters
-    ----------
-    results : mapping of str to Result
-        What was measured.
-    states : mapping of str to EdgeState
-        By target.
-    unseen : UnseenBreaks or None
-        What breaks would do that nobody states.
-
-    Returns
-    -------
-    str
-        Without a full stop.
-    """
-    common = list(dict.fromkeys(states.values()))
-    if len(common) == 1:
-        texts = [str(common[0])]
-    else:
-        texts = [f"{name}: {state}" for name, state in states.items() if state.stated]
-    if not all(state.stated for state in states.values()) and len(common) > 1:
-        texts.append(f"others: {EdgeState()}")
-    if unseen is None:
-        return "; ".join(texts)
-    wider = unseen.uncertainties
-    worst = results[max(wider, key=lambda name: wider[name] / results[name].expanded_uncertainty)]
-    text = (
-        f"U holds for that. Images would not show breaks of up to {unseen.limit_mm:.2g} mm: with them, U of "
-        f"{worst.name} is {wider[worst.name]:.2g} {worst.unit}, not {worst.expanded_uncertainty:.2g} {worst.unit}"
-    )
-    if unseen.open_decisions:
-        names = ", ".join(unseen.open_decisions[:4]) + ", ..." * (len(unseen.open_decisions) > 4)
-        text += f", and it is open whether {names} conform{'s' * (len(unseen.open_decisions) == 1)}"
-    texts.append(text)
-    return "; ".join(texts) + ". State the edges: --edges sharp, or edge_break_mm"
 
 
 # Results as QIF 3.0 (ANSI/DMSC, ISO 23952): characteristics, their measurements and statuses, as

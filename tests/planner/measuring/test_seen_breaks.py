@@ -1,6 +1,7 @@
 """Breaks that images show: closed forms of profiles, and plates with true chamfers and bands, seen by rays."""
 
 from functools import cache
+from types import SimpleNamespace
 
 import measured_plate as plate
 import numpy as np
@@ -13,6 +14,7 @@ from planner.measuring.seen_breaks import (
     LEAST_TIMES,
     ROUND_TIMES,
     SeenBreak,
+    _between_flat,
     distance_of_steps,
     seen_notes,
 )
@@ -111,3 +113,22 @@ def test_a_break_within_what_is_stated_is_not_told():
     )
     (wrong,) = seen_notes(seen, SHARP)
     assert wrong.endswith("and they are stated as sharp: measured as stated")
+
+
+class Beside:
+    """Faces beside five samples: the normal of the second side turns from 3 px on, or there is no face."""
+
+    def beside(self, across, px):
+        turn = np.deg2rad([0.0, 5.0, 30.0, 0.0, 0.0]) * (px > 3)
+        turned = np.stack([np.sin(turn), 0 * turn, np.cos(turn)], axis=1)
+        normals = np.stack([np.tile([0.0, 0.0, 1.0], (5, 1)), turned])
+        on_part = np.ones((2, 5), dtype=bool)
+        on_part[0, 3] = False
+        on_part[0, 4] = px < 3
+        return SimpleNamespace(normals=normals), on_part
+
+
+def test_profiles_end_where_a_round_face_or_the_background_begins():
+    flat = [True, True, False, True, False]
+    assert _between_flat(Beside(), np.zeros((5, 2)), 6.0).tolist() == flat
+    assert _between_flat(Beside(), np.zeros((5, 2)), 2.5).all()
