@@ -32,7 +32,7 @@ from errors.measurands import Decision, DecisionRule, decide, decide_deviation
 from errors.measurands.measurand import COVERAGE
 from planner.measuring.breaks import px_across
 from planner.measuring.images import Picture
-from planner.measuring.registered import Registered
+from planner.measuring.registered import Faces, Lamp, Registered
 from planner.measuring.results import Result, UnseenBreaks
 from planner.measuring.samples import EdgeTable, PartModel, across_of, pixels_of, profiles_of
 from planner.measuring.verdict import Sampled
@@ -229,9 +229,10 @@ def _sections(
     grey = grey / picture.white
     half = np.zeros(len(points))
     sampled = Sampled(model.edges.scene, camera, pose, edges, samples)
+    lamp = registered.lamps.get(picture.name)
     for length, room in reversed(_HALVES):
         alone = shown.apart(edges, samples.edge, shown.pixels, room)
-        half[alone & _between_flat(sampled, across, length)] = length
+        half[alone & _between_flat(sampled, across, length, lamp)] = length
     normals = EdgeTable(edges).at(samples.edge, samples.share)[2]
     convex = np.array([edge.convex for edge in edges], dtype=np.bool_)[samples.edge]
     lines = chamfer_lines(normals, samples.tangents, convex, pose[:3, 3] - points)
@@ -260,16 +261,30 @@ def _sections(
     return _chosen(sections, np.flatnonzero(strong)) if strong.any() else None
 
 
-def _between_flat(sampled: Sampled, across: Array, length: float) -> NDArray[np.bool_]:
+def _between_flat(
+    sampled: Sampled, across: Array, length: float, lamp: Lamp | None
+) -> NDArray[np.bool_]:
     """Return which samples (m,) have the same face, or none, on each side as far as a profile reaches.
 
-    A round face that begins there without an edge has light of its own, as a break has.
+    A round face that begins there without an edge has light of its own, as a break has. So does a shadow that ends
+    there, if a lamp is known that makes it.
     """
     near, near_on_part = sampled.beside(across, _NEAR_PX)
-    far, far_on_part = sampled.beside(across, length)
-    cosine = (near.normals * far.normals).sum(axis=2)
-    same = near_on_part & far_on_part & (cosine >= _SAME_FACE)
-    return np.asarray((same | ~(near_on_part | far_on_part)).all(axis=0))
+    near_lit = _lit(near, lamp)
+    even = np.ones(near_on_part.shape[1], dtype=np.bool_)
+    for away in (length / 2, length):
+        far, far_on_part = sampled.beside(across, away)
+        cosine = (near.normals * far.normals).sum(axis=2)
+        same = near_on_part & far_on_part & (cosine >= _SAME_FACE) & (near_lit == _lit(far, lamp))
+        even &= (same | ~(near_on_part | far_on_part)).all(axis=0)
+    return even
+
+
+def _lit(faces: Faces, lamp: Lamp | None) -> NDArray[np.bool_]:
+    """Return whether a lamp lights faces (2, m); all of them without one."""
+    if lamp is None:
+        return np.ones(faces.normals.shape[:2], dtype=np.bool_)
+    return np.asarray(faces.light(lamp.place)[0] > 0)
 
 
 def _groups(key: NDArray[np.int64], usable: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
@@ -413,7 +428,7 @@ def _agreed(
 ) -> SeenBreak | None:
     """Return the break that several edges agree on; None if there is none."""
     rows = []
-    against = 0
+    largest = []
     for edge in np.unique(sections.edge):
         of_edge = sections.edge == edge
         count = min(int(of_edge.sum()), _MOST_OF_EDGE)
@@ -427,13 +442,14 @@ def _agreed(
             and inside[-1] <= WIDEST * inside[0]
         ):
             rows.append((size, names[edge]))
-        # a larger break is excluded
-        against += bool(inside[-1] <= UNSTATED_MM)
+        largest.append(inside[-1])
     if not rows:
         return None
     shown = np.array([size for size, _ in rows])
     size = float(np.median(shown))
     alike = np.abs(np.log(shown / size)) <= np.log(ALIKE)
+    # others must not show that they are less broken
+    against = int(np.sum(np.array(largest) < size / ALIKE))
     if alike.sum() < max(FEWEST_EDGES, against + 1, len(shown) / 2):
         return None
     low, high = np.quantile(shown[alike], _QUANTILES)

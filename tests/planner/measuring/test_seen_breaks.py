@@ -116,19 +116,24 @@ def test_a_break_within_what_is_stated_is_not_told():
 
 
 class Beside:
-    """Faces beside five samples: the normal of the second side turns from 3 px on, or there is no face."""
+    """Faces beside six samples: the second side turns from 3 px on, or ends, or there is a shadow on it."""
 
     def beside(self, across, px):
-        turn = np.deg2rad([0.0, 5.0, 30.0, 0.0, 0.0]) * (px > 3)
+        turn = np.deg2rad([0.0, 5.0, 30.0, 0.0, 0.0, 0.0]) * (px > 3)
         turned = np.stack([np.sin(turn), 0 * turn, np.cos(turn)], axis=1)
-        normals = np.stack([np.tile([0.0, 0.0, 1.0], (5, 1)), turned])
-        on_part = np.ones((2, 5), dtype=bool)
+        normals = np.stack([np.tile([0.0, 0.0, 1.0], (6, 1)), turned])
+        on_part = np.ones((2, 6), dtype=bool)
         on_part[0, 3] = False
         on_part[0, 4] = px < 3
-        return SimpleNamespace(normals=normals), on_part
+        light = np.ones((2, 6))
+        light[1, 5] = px < 3
+        return SimpleNamespace(normals=normals, light=lambda place: (light, light)), on_part
 
 
-def test_profiles_end_where_a_round_face_or_the_background_begins():
-    flat = [True, True, False, True, False]
-    assert _between_flat(Beside(), np.zeros((5, 2)), 6.0).tolist() == flat
-    assert _between_flat(Beside(), np.zeros((5, 2)), 2.5).all()
+def test_profiles_end_where_a_round_face_the_background_or_a_shadow_begins():
+    across = np.zeros((6, 2))
+    lamp = SimpleNamespace(place=np.zeros(3))
+    even = [True, True, False, True, False]
+    assert _between_flat(Beside(), across, 6.5, None).tolist() == [*even, True]
+    assert _between_flat(Beside(), across, 6.5, lamp).tolist() == [*even, False]
+    assert _between_flat(Beside(), across, 2.5, lamp).all()
