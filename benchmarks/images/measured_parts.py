@@ -71,9 +71,8 @@ class Model:
         for shot in self.shots:
             own = [one for one in self.shots if one.setting == shot.setting]
             lit = light.images[shot.setting]
-            if lit:
-                places = [light.lamps[i] for i in lit[own.index(shot)].lamps]
-            else:
+            places = [light.lamps[i] for i in lit[own.index(shot)].lamps] if lit else []
+            if not places:
                 # nothing is lit: any lamp shows the image
                 places = [self.pose(shot)[:3, 3]]
             self.lamps[shot.name] = [[Lamp(np.asarray(place)) for place in places]]

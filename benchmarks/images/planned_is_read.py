@@ -125,6 +125,8 @@ def main() -> int:
     readings: list[Planned] = []
     for plan, part in options.pair:
         model = Model(plan.parent.name, plan, part)
+        if model.plan.light is None or model.plan.light.area is not None:
+            parser.error(f"{plan} must be a plan with small lamps")
         for seed in range(options.first, options.first + options.draws):
             images = rendered(model, seed, Condition(), options)
             drawn = planned_readings(model, seed, model.measurer.measure(images, how))
