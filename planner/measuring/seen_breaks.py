@@ -541,7 +541,7 @@ def edges_text(
     wider = unseen.uncertainties
     worst = results[max(wider, key=lambda name: wider[name] / results[name].expanded_uncertainty)]
     text = (
-        f"U holds for that. Images would not show breaks of up to {unseen.limit_mm:.2g} mm: with them, U of "
+        f"U holds for that. Images may not show breaks of up to {unseen.limit_mm:.2g} mm: with them, U of "
         f"{worst.name} is {wider[worst.name]:.2g} {worst.unit}, not {worst.expanded_uncertainty:.2g} {worst.unit}"
     )
     if unseen.open_decisions:

@@ -444,7 +444,7 @@ def _break_explanation(results: MeasurementResults) -> str:
         return ""
     return (
         " The state of the edges is not stated. U holds for edges that are sharp within "
-        f"{UNSTATED_MM:g} mm. Images would not show breaks of up to {results.unseen.limit_mm:.2g} mm: the table says "
+        f"{UNSTATED_MM:g} mm. Images may not show breaks of up to {results.unseen.limit_mm:.2g} mm: the table says "
         "how large U is with them, in red where the decision is then open."
     )
 

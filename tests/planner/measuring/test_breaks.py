@@ -52,7 +52,7 @@ def test_values_of_stated_breaks_are_right_within_their_uncertainty(kind):
 def test_what_is_assumed_is_said_with_u_of_what_images_do_not_show():
     sharp = plate.photograph(plate.fine_plate(), plate.POSES[:1], samples=2)
     assumed = measurer().measure(sharp, MeasureOptions(OWN))
-    assert assumed.edges.startswith("assumed sharp within 0.05 mm; U holds for that. Images would ")
+    assert assumed.edges.startswith("assumed sharp within 0.05 mm; U holds for that. Images may ")
     assert "it is open whether left, right, apart, width conform" in assumed.edges
     assert not assumed.notes
     unseen = assumed.unseen
