@@ -50,7 +50,7 @@ class Scene:
 def taken(part, plan, lamps, rng, near, scale=(1.0, 1.0, 1.0)) -> list[Scene]:
     """Render an image for each setting of a part that deviates, from a pose near the planned one."""
     part.deviate(rng, 0.02, 0.03, 0.01)
-    optics = Optics(plan.camera.matrix, plan.camera.resolution, samples=2)
+    optics = Optics.of(plan.camera, samples=2)
     middle = part.vertices.mean(axis=0)
     images = PartImages(middle + (part.vertices - middle) * scale, part.triangles, optics)
     scenes = []

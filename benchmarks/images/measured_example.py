@@ -34,7 +34,7 @@ def main() -> int:
         for pose, setting in zip(poses, plan.settings, strict=True)
     ]
     part.deviate(rng, 0.02, 0.05, 0.01)
-    optics = Optics(plan.camera.matrix, plan.camera.resolution, noise=NOISE, exposure=0.9)
+    optics = Optics.of(plan.camera, noise=NOISE, exposure=0.9)
     images = PartImages(part.vertices, part.triangles, optics)
     (FOLDER / "images").mkdir(exist_ok=True)
     for k, (pose, lamp) in enumerate(zip(poses, lamps, strict=True)):

@@ -94,7 +94,7 @@ def rows_of(options) -> list[Row]:
         best_lamp(renderer, pose, [one for (own, _), one in measured.items() if own == k], draw)
         for k, pose in enumerate(poses)
     ]
-    optics = Optics(matrix, plan.camera.resolution, exposure=options.exposure, gloss=options.gloss)
+    optics = Optics.of(plan.camera, exposure=options.exposure, gloss=options.gloss)
     floor = None
     if options.floor is not None:
         floor = Localisation.gaussian(0.1, floor_px=options.floor)
@@ -157,9 +157,7 @@ def show_responses(options) -> None:
         best_lamp(renderer, pose, [own for (place, _), own in measured.items() if place == k], draw)
         for k, pose in enumerate(poses)
     ]
-    optics = Optics(
-        plan.camera.matrix, plan.camera.resolution, exposure=options.exposure, noise=0.004, every=2
-    )
+    optics = Optics.of(plan.camera, exposure=options.exposure, noise=0.004, every=2)
     cells = {(response, bits): [] for response in options.responses for bits in options.bits}
     for seed in range(options.first, options.first + options.parts):
         rng = np.random.default_rng(seed)

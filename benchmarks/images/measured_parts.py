@@ -71,9 +71,8 @@ class Model:
         for shot in self.shots:
             own = [one for one in self.shots if one.setting == shot.setting]
             lit = light.images[shot.setting]
-            if lit:
-                places = [light.lamps[i] for i in lit[own.index(shot)].lamps]
-            else:
+            places = [light.lamps[i] for i in lit[own.index(shot)].lamps] if lit else []
+            if not places:
                 # nothing is lit: any lamp shows the image
                 places = [self.pose(shot)[:3, 3]]
             self.lamps[shot.name] = [[Lamp(np.asarray(place)) for place in places]]
@@ -110,13 +109,8 @@ def rendered(model: Model, seed: int, condition: Condition, options) -> dict[str
     planes = condition.surfaces * options.surfaces_mm
     model.part.deviate(rng, planes, CYLINDERS * planes, TILTS * planes)
     plan = model.plan
-    optics = Optics(
-        plan.camera.matrix,
-        plan.camera.resolution,
-        exposure=options.exposure,
-        gloss=options.gloss,
-        samples=3,
-        every=3,
+    optics = Optics.of(
+        plan.camera, exposure=options.exposure, gloss=options.gloss, samples=3, every=3
     )
     scene = PartImages(model.part.vertices, model.part.triangles, optics)
     sigmas = condition.poses * plan.pose_uncertainty.sigmas

@@ -353,9 +353,7 @@ class Bench:
     def model(self, name: str, case: Case, light: str, material: str) -> Model:
         """Return a part with its plan under a light."""
         metal = Material("metal", ROUGHNESS[material])
-        # a backlight is alike on all metals
-        suffix = "" if light == "backlight" else f"_{material}"
-        path = self._folder / f"{name}_{light}{suffix}.json"
+        path = self._folder / f"{name}_{light}_{material}.json"
         if not path.exists():
             lighting = Lighting(LIGHTS[light], material=metal)
             if self._searches:

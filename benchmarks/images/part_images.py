@@ -15,6 +15,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 import open3d as o3d
 from rendered_images import Lamp, Measured
@@ -278,7 +279,10 @@ def _xyz(of) -> np.ndarray:
 
 @dataclass
 class Optics:
-    """What an image is made with: camera matrix, size in px, blur, noise and exposure of it."""
+    """What an image is made with: camera matrix, size in px, blur, noise and exposure of it.
+
+    The lens distorts by coefficients in OpenCV's order; none are of a lens without distortion.
+    """
 
     matrix: np.ndarray
     size: tuple[int, int]
@@ -289,6 +293,24 @@ class Optics:
     gloss: float = 0.0
     # rays for every so many pixels where the picture is smooth; 1: for each
     every: int = 1
+    distortion: tuple[float, ...] = ()
+
+    @classmethod
+    def of(cls, camera, **others) -> Optics:
+        """Those of a camera, with its distortion."""
+        lens = camera.distortion
+        coefficients = (lens.k1, lens.k2, lens.p1, lens.p2, lens.k3) if lens else ()
+        return cls(camera.matrix, camera.resolution, distortion=coefficients, **others)
+
+    def directions(self, pixels: np.ndarray) -> np.ndarray:
+        """Directions (n, 3) of the rays through pixels (n, 2), of depth 1 in the camera's frame."""
+        if self.distortion:
+            # OpenCV's inverse, which shares no code with that of the planner
+            stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-10)
+            lens = np.array(self.distortion)
+            flat = cv2.undistortPoints(pixels[:, None], self.matrix, lens, criteria=stop)
+            return np.c_[flat[:, 0], np.ones(len(flat))]
+        return np.c_[pixels, np.ones(len(pixels))] @ np.linalg.inv(self.matrix).T
 
 
 def _changes(grey) -> np.ndarray:
@@ -358,8 +380,7 @@ class PartImages:
         return np.concatenate(parts)
 
     def _shade(self, cam2world, pixels, lamps) -> np.ndarray:
-        directions = np.c_[pixels, np.ones(len(pixels))] @ np.linalg.inv(self.optics.matrix).T
-        turned = directions @ cam2world[:3, :3].T
+        turned = self.optics.directions(pixels) @ cam2world[:3, :3].T
         start = np.broadcast_to(cam2world[:3, 3], turned.shape)
         rays = np.concatenate([start, turned], axis=1).astype(np.float32)
         hit = self._scene.cast_rays(o3d.core.Tensor(rays))

@@ -1,9 +1,10 @@
 """Whether what a plan promises is read: readings made, against the sum of their P_all, on rendered matt parts.
 
 Plans have lamps. For each pair of a plan and its part, parts are drawn whose surfaces deviate, and cameras are
-displaced, as in `measured_parts`. One image is rendered for each that the plan takes, under its lamps. A reading is
-planned if the plan lights a target in a setting. It is made if `planner.measure` reads it in some image of this
-setting. Of readings with the promise P_all, at least this share should be made. A table names the reasons of the rest.
+displaced, as in `measured_parts`. One image is rendered for each that the plan takes, under its lamps, with the lens
+distortion of its camera. A reading is planned if the plan lights a target in a setting. It is made if `planner.measure`
+reads it in some image of this setting. Of readings with the promise P_all, at least this share should be made. A table
+names the reasons of the rest.
 """
 
 from __future__ import annotations
@@ -124,6 +125,8 @@ def main() -> int:
     readings: list[Planned] = []
     for plan, part in options.pair:
         model = Model(plan.parent.name, plan, part)
+        if model.plan.light is None or model.plan.light.area is not None:
+            parser.error(f"{plan} must be a plan with small lamps")
         for seed in range(options.first, options.first + options.draws):
             images = rendered(model, seed, Condition(), options)
             drawn = planned_readings(model, seed, model.measurer.measure(images, how))

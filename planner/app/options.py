@@ -77,7 +77,7 @@ Pixels = Annotated[float, value(PX, "PX"), NOT_NEGATIVE]
 Time = Annotated[float | None, value(SECONDS, "S"), POSITIVE_SECONDS]
 Contrast = Annotated[float, value(SHARE, "C"), _CONTRAST]
 Box = Annotated[BOX | None, value(MM, "X0 Y0 Z0 X1 Y1 Z1", count=6)]
-BreakRange = Annotated[tuple[float, float] | None, value(break_range, "LOW..HIGH")]
+BreakRange = Annotated[tuple[float, float] | None, value(break_range, "LOW..HIGH|sharp")]
 SigmaPair = Annotated[tuple[float, float] | None, value(sigma_pair, "MM,RAD")]
 Camera = Annotated[str, _named("NAME|FILE")]
 Folder = Annotated[str, _named("DIR", "--out", "-o")]
@@ -239,7 +239,7 @@ class DimensionTargets(Command):
         standard deviation of the position of the part's faces along their normals, for dimensions (default: what
         flatness and profile tolerances of the part state, otherwise 0.02; with rounding 0)
     edges
-        by how much the part's edges are broken along their faces, such as 0.1..0.3 mm; 0 is sharp; lengths of edges
+        by how much the part's edges are broken along their faces, such as 0.1..0.3 mm, or sharp; lengths of edges
         then are measured by edge detectors (default: planned as sharp)
     """
 
@@ -914,7 +914,7 @@ class Measure(Deciding, Images, PartReading):
     surfaces_mm
         standard deviation of the position of the part's faces along their normals (default: that of the plan)
     edges
-        by how much the part's edges are broken along their faces, such as 0.1..0.3 mm; 0 is sharp (default: that of the
+        by how much the part's edges are broken along their faces, such as 0.1..0.3 mm, or sharp (default: that of the
         plan, otherwise assumed sharp within 0.05 mm)
     repeatability
         standard deviations of the camera's displacement between images of a setting under different lamps (default:

@@ -174,13 +174,15 @@ def break_range(text: str) -> tuple[float, float]:
     Parameters
     ----------
     text : str
-        Like ``0.1..0.3`` or ``100um..0.3mm``, or one length for both.
+        Like ``0.1..0.3`` or ``100um..0.3mm``, or one length for both, or ``sharp``.
 
     Raises
     ------
     ValueError
         If it is no such pair, or not in rising order.
     """
+    if text == "sharp":
+        return 0.0, 0.0
     words = text.split("..")
     try:
         limits = [MM(word) for word in words]
@@ -189,7 +191,8 @@ def break_range(text: str) -> tuple[float, float]:
     if len(limits) in (1, 2) and 0 <= limits[0] <= limits[-1] <= MOST_BREAK_MM:
         return limits[0], limits[-1]
     raise ValueError(
-        f"must be two lengths like 0.1..0.3 or one, in rising order from 0 to {MOST_BREAK_MM:g} mm. Got {text!r}."
+        f"must be sharp, or two lengths like 0.1..0.3 or one, in rising order from 0 to {MOST_BREAK_MM:g} mm. "
+        f"Got {text!r}."
     )
 
 

@@ -145,7 +145,7 @@ def light_of_cell(cell: object) -> AreaRecord | None:
 def in_material(light: AreaLight, material: Material) -> AreaLight:
     """Return the same light on a part of a material."""
     if isinstance(light, Backlight):
-        return replace(light, metal=material.kind == "metal")
+        return replace(light, material=material)
     if isinstance(light, DiffuseDome | CoaxialLight | RingLight):
         return of_material(light, material)
     return light

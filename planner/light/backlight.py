@@ -44,7 +44,6 @@ _OFFSETS_PX = (0.5, BESIDE_PX)
 _EVEN = 0.15
 # what is met there is a face of the edge if the cosine of their normals is above this: faces of rims are facets
 _SAME_FACE = 0.9
-_METAL = Material("metal")
 # rays by the number of places, as of lights that the camera carries
 _MANY = 2000
 _PICTURE = 20_000
@@ -81,8 +80,8 @@ class Backlight:
         points.
     name : str
         Name in the catalogue, or empty.
-    metal : bool
-        Whether faces of the part are metal.
+    material : Material
+        Of the part.
 
     Raises
     ------
@@ -101,7 +100,7 @@ class Backlight:
     half_width: _Triple
     half_height: _Triple
     name: str = ""
-    metal: bool = False
+    material: Material = field(default_factory=Material)
 
     def __post_init__(self) -> None:
         for name in ("centre", "half_width", "half_height"):
@@ -200,7 +199,7 @@ class Backlight:
     @property
     def reason(self) -> str:
         """Why a target is not shown."""
-        wall = "too narrow in the image" if self.metal else "less than 3 px wide in the image"
+        wall = "too narrow in the image" if self.on_metal else "less than 3 px wide in the image"
         return (
             "is not the outline of the part in front of the backlight, at the camera or nearby, or an end of it has no "
             f"other line in front of the backlight, or a wall next to it that reflects the backlight is {wall}"
@@ -214,7 +213,7 @@ class Backlight:
     @property
     def on_metal(self) -> bool:
         """Whether the part is metal."""
-        return self.metal
+        return self.material.kind == "metal"
 
     @property
     def square_on(self) -> bool:
@@ -277,7 +276,7 @@ class Backlight:
         StandingLight
             What answers for this pose.
         """
-        return LightOnMetal(self) if self.metal else self
+        return LightOnMetal(self) if self.on_metal else self
 
     def _border_inside(self, solid: Solid, flat: float) -> bool:
         """Tell whether the border meets the part, or the centre is inside; a part that lies on it does neither."""
@@ -308,7 +307,7 @@ class Backlight:
         tuple of array (n, m)
             Contrasts and steps, not negative.
         """
-        if self.metal:
+        if self.on_metal:
             return _searched(self, sight, edges, eyes)
         lit = np.ones((len(eyes), len(edges.points)))
         size = max(1, _RAYS // max(1, len(edges.points)))
@@ -447,7 +446,7 @@ class Backlight:
         array (...)
             Brightness.
         """
-        if self.metal:
+        if self.on_metal:
             n = rays.size // 3
             rays_of_picture = _FEW_RAYS if n <= _PICTURE else _PICTURE_RAYS
             count = RAYS if n <= _MANY else rays_of_picture
@@ -580,7 +579,9 @@ def _on_metal(
     if paths is None:
         bright[met] = np.where(light.is_looked_at(seen.points, seen.normals), _LIT, 0.0)
     else:
-        bright[met] = brightness(scene, light.emitter, seen, _METAL, paths.rays, paths.bounces)
+        bright[met] = brightness(
+            scene, light.emitter, seen, light.material, paths.rays, paths.bounces
+        )
     starts = np.broadcast_to(eyes, ways.shape)[~met]
     bright[~met] = light.sees(scene, starts, ways[~met])
     return bright

@@ -46,14 +46,12 @@ from planner.measuring.results import (
     MeasurementResults,
     Result,
     Source,
-    break_shifts,
-    edges_text,
     joined_ends,
     merged,
     weights_of,
 )
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartEdge, PartModel
-from planner.measuring.seen_breaks import seen_break, seen_notes
+from planner.measuring.seen_breaks import edges_text, seen_break, seen_notes, unseen_breaks
 from planner.measuring.task import (
     REPEATABILITY,
     NotRegisteredError,
@@ -63,7 +61,7 @@ from planner.measuring.task import (
     distance_of,
 )
 from planner.request.dimension import is_one_sided
-from planner.request.edge_state import EdgeState, checked_break
+from planner.request.edge_state import MOST_UNSEEN_MM, UNSEEN_PX, EdgeState, checked_break
 from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES
 from planner.request.targets import Target, targets_of
 from planner.sensor_setting import SensorSetting, setting_name
@@ -510,7 +508,7 @@ class Measurer:
         scene = self.model.edges.scene
         notes = image_notes(self.plan, scene, pictures, registered, readings)
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
-        outcomes = tuple(results.values())
+        unseen = unseen_breaks(results, states, self._unseen_mm(registered), options.rule)
         of_images = (*image_set.notes, *response.notes(readings), *edge_notes, *joint.notes)
         return MeasurementResults(
             {name: results[name] for name in self.plan.entities},
@@ -523,8 +521,8 @@ class Measurer:
             (*of_images, *notes, *_unplanned(self.plan)),
             pictures,
             response.records(),
-            edges_text(outcomes, states) + (" (as images show)" if uses_seen else ""),
-            break_shifts(outcomes, states),
+            edges_text(results, states, unseen) + (" (as images show)" if uses_seen else ""),
+            unseen,
         )
 
     def _merged(
@@ -958,6 +956,20 @@ class Measurer:
         """
         of_target = getattr(target, "edge_break_mm", None)
         return EdgeState.of(of_target, options.edge_break_mm, self.plan.request.edge_break_mm)
+
+    def _unseen_mm(self, registered: Mapping[str, Registered]) -> float:
+        """Return the largest break that images do not show, mm: so many pixels in the middle of the part."""
+        camera = self.plan.camera
+        solid = self.model.solid
+        middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
+        depths = [
+            float((middle - image.cam2world[:3, 3]) @ image.cam2world[:3, 2])
+            for image in registered.values()
+        ]
+        pitch = float(max(camera.pixel_pitch_mm)) / camera.image_distance_mm
+        if not depths:
+            return 0.0
+        return min(UNSEEN_PX * pitch * float(np.median(depths)), MOST_UNSEEN_MM)
 
     def _floor_px(self, planned: Localisation, options: MeasureOptions) -> float:
         if options.localisation is not None:

@@ -38,7 +38,6 @@ from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import NumberOrNull, Registered
 from planner.measuring.response import ResponseRecord
 from planner.request.dimension import POSITION, plain_tolerance
-from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState
 from planner.request.targets import Target
 from planner.request.words import tolerance_text
 
@@ -446,64 +445,23 @@ def _weighted(readings: Sequence[Reading], common: NDArray[np.float64] | None) -
     return _Combined(value, u * math.sqrt(spread / freedoms), (note,))
 
 
-def edges_text(results: Sequence[Result], states: Mapping[str, EdgeState]) -> str:
-    """Say by how much edges are taken to be broken, and what a break would do where none is stated.
+@dataclass(frozen=True)
+class UnseenBreaks:
+    """What breaks that nobody states and images do not show would do to uncertainties.
 
-    Parameters
+    Attributes
     ----------
-    results : sequence of Result
-        What was measured.
-    states : mapping of str to EdgeState
-        By target.
-
-    Returns
-    -------
-    str
-        Without a full stop.
+    limit_mm : float
+        Images would show larger breaks, mm.
+    uncertainties : dict of str to float
+        U of values, if their edges are broken by anything from 0 to this limit.
+    open_decisions : tuple of str
+        Targets that are then undecided.
     """
-    common = list(dict.fromkeys(states.values()))
-    if len(common) == 1:
-        texts = [str(common[0])]
-    else:
-        texts = [f"{name}: {state}" for name, state in states.items() if state.stated]
-    if not all(state.stated for state in states.values()) and len(common) > 1:
-        texts.append(f"others: {EdgeState()}")
-    shifts = break_shifts(results, states)
-    affected = [result for result in results if result.name in shifts]
-    if affected:
-        worst = max(affected, key=lambda result: shifts[result.name] / result.expanded_uncertainty)
-        texts.append(
-            f"a break of {TYPICAL_BREAK_MM:g} mm would move {worst.name} by up to {shifts[worst.name]:.2g} "
-            f"{worst.unit}, its U is {worst.expanded_uncertainty:.2g} {worst.unit} (state it with edge_break_mm "
-            "or --edges)"
-        )
-    return "; ".join(texts)
 
-
-def break_shifts(results: Sequence[Result], states: Mapping[str, EdgeState]) -> dict[str, float]:
-    """Return how far a usual break of 0.1 mm would move each value whose edges are not stated, in its unit.
-
-    Parameters
-    ----------
-    results : sequence of Result
-        What was measured.
-    states : mapping of str to EdgeState
-        By target.
-    """
-    shifts = {}
-    for result in results:
-        if not result.measured or result.name not in states or states[result.name].stated:
-            continue
-        shift = TYPICAL_BREAK_MM * _largest_shift(result)
-        if shift > 0:
-            shifts[result.name] = shift
-    return shifts
-
-
-def _largest_shift(result: Result) -> float:
-    """Return how far a break of 1 mm moves a value at most, in the reading that it moves least."""
-    shifts = [reading.edge_shift for reading in result.readings if reading.measured]
-    return min((shift for shift in shifts if math.isfinite(shift)), default=0.0)
+    limit_mm: float
+    uncertainties: Annotated[Mapping[str, float], Key("U")]
+    open_decisions: tuple[str, ...] = ()
 
 
 # Results as QIF 3.0 (ANSI/DMSC, ISO 23952): characteristics, their measurements and statuses, as
@@ -824,8 +782,8 @@ class MeasurementResults(ShownInNotebook):
         How much light their grey values stand for, and what says so.
     edges : str
         By how much edges are taken to be broken.
-    break_shifts : dict of str to float
-        How far a break of 0.1 mm would move each value whose edges are not stated, in its unit.
+    unseen : UnseenBreaks or None
+        What breaks that nobody states and images do not show would do; None if edges are stated.
     """
 
     results: Mapping[str, Result]
@@ -839,7 +797,7 @@ class MeasurementResults(ShownInNotebook):
     pictures: Mapping[str, Picture] = field(default_factory=dict)
     responses: Mapping[str, ResponseRecord] = field(default_factory=dict)
     edges: str = ""
-    break_shifts: Mapping[str, float] = field(default_factory=dict)
+    unseen: UnseenBreaks | None = None
 
     def __iter__(self) -> Iterator[Result]:
         """Go through the results in the plan's order."""
@@ -922,6 +880,7 @@ class MeasurementResults(ShownInNotebook):
             source=self.source,
             notes=self.notes,
             edges=self.edges,
+            unseen_breaks=self.unseen,
             results=tuple(self),
             measured=tuple(result.name for result in self if result.measured),
             correlation=self.correlation,
@@ -1091,6 +1050,7 @@ class ResultsFile:
     source: Source
     notes: tuple[str, ...]
     edges: str
+    unseen_breaks: UnseenBreaks | None
     results: tuple[Result, ...]
     measured: tuple[str, ...]
     correlation: Annotated[NDArray[np.float64], Shape(None, None)]

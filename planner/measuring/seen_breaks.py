@@ -19,6 +19,7 @@ squares in a, b, c, e, f and x1, for each d. Without a break, c is left out.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -27,10 +28,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from errors.measurands import Decision, DecisionRule, decide, decide_deviation
+from errors.measurands.measurand import COVERAGE
 from planner.measuring.breaks import px_across
 from planner.measuring.images import Picture
-from planner.measuring.registered import Registered
+from planner.measuring.registered import Faces, Lamp, Registered
+from planner.measuring.results import Result, UnseenBreaks
 from planner.measuring.samples import EdgeTable, PartModel, across_of, pixels_of, profiles_of
+from planner.measuring.verdict import Sampled
 from planner.request.edge_state import UNSTATED_MM, EdgeState, chamfer_lines
 
 Array = NDArray[np.float64]
@@ -55,6 +60,9 @@ LEAST_TIMES = 0.8
 
 # px: half of a profile, with the distance of other lines that it needs
 _HALVES = ((12.0, 14.0), (8.0, 10.0), (6.0, 8.0), (4.5, 6.0))
+# px beside an edge where its faces are certain, and the least cosine of normals of one face
+_NEAR_PX = 2.0
+_SAME_FACE = 0.98
 _EVERY = 2
 _PLACE_PX = 0.3
 _MARGIN_PX = 1.5
@@ -220,8 +228,11 @@ def _sections(
     places, grey = profiles_of(picture.grey, centres, across, _HALVES[0][0])
     grey = grey / picture.white
     half = np.zeros(len(points))
+    sampled = Sampled(model.edges.scene, camera, pose, edges, samples)
+    lamp = registered.lamps.get(picture.name)
     for length, room in reversed(_HALVES):
-        half[shown.apart(edges, samples.edge, shown.pixels, room)] = length
+        alone = shown.apart(edges, samples.edge, shown.pixels, room)
+        half[alone & _between_flat(sampled, across, length, lamp)] = length
     normals = EdgeTable(edges).at(samples.edge, samples.share)[2]
     convex = np.array([edge.convex for edge in edges], dtype=np.bool_)[samples.edge]
     lines = chamfer_lines(normals, samples.tangents, convex, pose[:3, 3] - points)
@@ -248,6 +259,32 @@ def _sections(
         variance,
     )
     return _chosen(sections, np.flatnonzero(strong)) if strong.any() else None
+
+
+def _between_flat(
+    sampled: Sampled, across: Array, length: float, lamp: Lamp | None
+) -> NDArray[np.bool_]:
+    """Return which samples (m,) have the same face, or none, on each side as far as a profile reaches.
+
+    A round face that begins there without an edge has light of its own, as a break has. So does a shadow that ends
+    there, if a lamp is known that makes it.
+    """
+    near, near_on_part = sampled.beside(across, _NEAR_PX)
+    near_lit = _lit(near, lamp)
+    even = np.ones(near_on_part.shape[1], dtype=np.bool_)
+    for away in (length / 2, length):
+        far, far_on_part = sampled.beside(across, away)
+        cosine = (near.normals * far.normals).sum(axis=2)
+        same = near_on_part & far_on_part & (cosine >= _SAME_FACE) & (near_lit == _lit(far, lamp))
+        even &= (same | ~(near_on_part | far_on_part)).all(axis=0)
+    return even
+
+
+def _lit(faces: Faces, lamp: Lamp | None) -> NDArray[np.bool_]:
+    """Return whether a lamp lights faces (2, m); all of them without one."""
+    if lamp is None:
+        return np.ones(faces.normals.shape[:2], dtype=np.bool_)
+    return np.asarray(faces.light(lamp.place)[0] > 0)
 
 
 def _groups(key: NDArray[np.int64], usable: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
@@ -391,7 +428,7 @@ def _agreed(
 ) -> SeenBreak | None:
     """Return the break that several edges agree on; None if there is none."""
     rows = []
-    against = 0
+    largest = []
     for edge in np.unique(sections.edge):
         of_edge = sections.edge == edge
         count = min(int(of_edge.sum()), _MOST_OF_EDGE)
@@ -405,16 +442,110 @@ def _agreed(
             and inside[-1] <= WIDEST * inside[0]
         ):
             rows.append((size, names[edge]))
-        # a larger break is excluded
-        against += bool(inside[-1] <= UNSTATED_MM)
+        largest.append(inside[-1])
     if not rows:
         return None
     shown = np.array([size for size, _ in rows])
     size = float(np.median(shown))
     alike = np.abs(np.log(shown / size)) <= np.log(ALIKE)
+    # others must not show that they are less broken
+    against = int(np.sum(np.array(largest) < size / ALIKE))
     if alike.sum() < max(FEWEST_EDGES, against + 1, len(shown) / 2):
         return None
     low, high = np.quantile(shown[alike], _QUANTILES)
     limits = (float(f"{LEAST_TIMES * low:.2g}"), float(f"{ROUND_TIMES * high:.2g}"))
     edges = tuple(name for (_, name), same in zip(rows, alike, strict=True) if same)
     return SeenBreak(size, limits, edges)
+
+
+# What is neither stated nor shown.
+
+
+def unseen_breaks(
+    results: Mapping[str, Result],
+    states: Mapping[str, EdgeState],
+    limit_mm: float,
+    rule: DecisionRule,
+) -> UnseenBreaks | None:
+    """Return what breaks that nobody states and images do not show would do; None if all are stated.
+
+    Parameters
+    ----------
+    results : mapping of str to Result
+        What was measured.
+    states : mapping of str to EdgeState
+        By target.
+    limit_mm : float
+        Largest break that images do not show, mm.
+    rule : DecisionRule
+        How it was decided.
+    """
+    uncertainties = {}
+    undecided = []
+    for result in results.values():
+        state = states.get(result.name)
+        if not result.measured or state is None or state.stated or limit_mm <= state.high_mm:
+            continue
+        # steps move in proportion to narrow breaks
+        more = result.budget["edge state"] * ((limit_mm / state.high_mm) ** 2 - 1.0)
+        if more <= 0:
+            continue
+        u = math.sqrt(result.standard_uncertainty**2 + more)
+        uncertainties[result.name] = COVERAGE * u
+        if _decided(result, u, rule) != result.decision:
+            undecided.append(result.name)
+    if not uncertainties:
+        return None
+    return UnseenBreaks(limit_mm, uncertainties, tuple(undecided))
+
+
+def _decided(result: Result, u: float, rule: DecisionRule) -> Decision:
+    """Return the decision with another standard uncertainty."""
+    good = [reading for reading in result.readings if reading.measured]
+    if result.tolerance is None or not good[0].deviation_mm:
+        return decide(result.deviation, u, result.tolerance, rule)
+    best = min(good, key=lambda reading: reading.standard_uncertainty)
+    covariance = np.array(best.covariance_mm2)
+    covariance += (u**2 - result.standard_uncertainty**2) * np.eye(len(covariance))
+    return decide_deviation(best.deviation_mm, covariance, result.tolerance[1], rule)[0]
+
+
+def edges_text(
+    results: Mapping[str, Result], states: Mapping[str, EdgeState], unseen: UnseenBreaks | None
+) -> str:
+    """Say by how much edges are taken to be broken, and what larger breaks would do where none is stated.
+
+    Parameters
+    ----------
+    results : mapping of str to Result
+        What was measured.
+    states : mapping of str to EdgeState
+        By target.
+    unseen : UnseenBreaks or None
+        What breaks would do that nobody states.
+
+    Returns
+    -------
+    str
+        Without a full stop.
+    """
+    common = list(dict.fromkeys(states.values()))
+    if len(common) == 1:
+        texts = [str(common[0])]
+    else:
+        texts = [f"{name}: {state}" for name, state in states.items() if state.stated]
+    if not all(state.stated for state in states.values()) and len(common) > 1:
+        texts.append(f"others: {EdgeState()}")
+    if unseen is None:
+        return "; ".join(texts)
+    wider = unseen.uncertainties
+    worst = results[max(wider, key=lambda name: wider[name] / results[name].expanded_uncertainty)]
+    text = (
+        f"U holds for that. Images may not show breaks of up to {unseen.limit_mm:.2g} mm: with them, U of "
+        f"{worst.name} is {wider[worst.name]:.2g} {worst.unit}, not {worst.expanded_uncertainty:.2g} {worst.unit}"
+    )
+    if unseen.open_decisions:
+        names = ", ".join(unseen.open_decisions[:4]) + ", ..." * (len(unseen.open_decisions) > 4)
+        text += f", and it is open whether {names} conform{'s' * (len(unseen.open_decisions) == 1)}"
+    texts.append(text)
+    return "; ".join(texts) + ". State the edges: --edges sharp, or edge_break_mm"

@@ -22,6 +22,7 @@ from planner.measuring.registered import Registered
 from planner.measuring.results import (
     MeasurementResults,
     Result,
+    UnseenBreaks,
     decimals_of,
     nominal_text,
     number_text,
@@ -32,7 +33,7 @@ from planner.measuring.results import (
 from planner.measuring.samples import STATE_TEXTS, State
 from planner.report.tables import CellLine
 from planner.request.dimension import POSITION
-from planner.request.edge_state import TYPICAL_BREAK_MM
+from planner.request.edge_state import UNSTATED_MM
 from planner.text_table import Column, Table, print_table, print_text, words
 
 # The table of measured values for the terminal.
@@ -440,17 +441,18 @@ def _explanation(results: MeasurementResults) -> str:
 
 
 def _break_explanation(results: MeasurementResults) -> str:
-    if not results.break_shifts:
+    if results.unseen is None:
         return ""
     return (
-        f" No break of the edges is stated: the table says how far one of {TYPICAL_BREAK_MM:g} mm would move each "
-        "value, in red where that is more than U."
+        " The state of the edges is not stated. U holds for edges that are sharp within "
+        f"{UNSTATED_MM:g} mm. Images may not show breaks of up to {results.unseen.limit_mm:.2g} mm: the table says "
+        "how large U is with them, in red where the decision is then open."
     )
 
 
 def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
     """Return the values, each with a picture of its tolerance or the reason why there is none."""
-    is_open = bool(results.break_shifts)
+    unseen = results.unseen
     columns = (
         Column("target", kind="link"),
         Column("nominal, tolerance", right=True),
@@ -459,8 +461,8 @@ def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
         Column("U (k = 2)", right=True),
         Column("accepted deviation", right=True),
         *(
-            [Column(f"a {TYPICAL_BREAK_MM:g} mm break moves it", right=True, kind="lines")]
-            if is_open
+            [Column(f"U with breaks to {unseen.limit_mm:.2g} mm", right=True, kind="lines")]
+            if unseen
             else []
         ),
         Column("tolerance, guard bands, value ± U", kind="lines"),
@@ -476,18 +478,17 @@ def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
         link = (_anchor(result, results), result.name)
         value, uncertainty = value_texts(result)
         texts = (nominal_text(result), value, _deviation_text(result), uncertainty)
-        moved = [_break_line(result, results)] if is_open else []
-        rows.append((link, *texts, _accepted_text(result), *moved, lines, [decision]))
+        wider = [_wider_line(result, unseen)] if unseen else []
+        rows.append((link, *texts, _accepted_text(result), *wider, lines, [decision]))
     return Table(columns, rows, style="stack")
 
 
-def _break_line(result: Result, results: MeasurementResults) -> list[CellLine]:
-    """Return how far a usual break of edges would move a value; marked where that is more than its U."""
-    shift = results.break_shifts.get(result.name)
-    if shift is None:
+def _wider_line(result: Result, unseen: UnseenBreaks) -> list[CellLine]:
+    """Return U of a value if its edges are broken as images do not show; marked where the decision is then open."""
+    wider = unseen.uncertainties.get(result.name)
+    if wider is None:
         return []
-    is_large = shift > result.expanded_uncertainty
-    return [CellLine(f"≤ {shift:.2g}", "bad" if is_large else "")]
+    return [CellLine(number_text(wider, wider), "bad" * (result.name in unseen.open_decisions))]
 
 
 def _deviation_text(result: Result) -> str:

@@ -200,8 +200,8 @@ def unstated_edges_text(plan: InspectionPlan) -> str:
     return (
         f"planned as sharp; a break of {TYPICAL_BREAK_MM:g} mm would move {target.name} by up to {shift:.2g} "
         f"{target.unit}, its U is {expanded:.2g} {target.unit}. 'measure' assumes breaks of up to {assumed.high_mm:g} "
-        f"mm where none is stated (edge_break_mm or --edges). Its U is then about {measured:.2g} {target.unit}, and "
-        "less where the image tells how the light falls"
+        f"mm where none is stated. Its U is then about {measured:.2g} {target.unit}, and less where the image tells "
+        "how the light falls. State the edges: --edges sharp, or edge_break_mm"
     )
 
 

@@ -33,6 +33,13 @@ TYPICAL_BREAK_MM = 0.1
 """Where no break is stated, reports say what this one would do."""
 UNSTATED_MM = 0.05
 """Edges are broken by up to so much, mm, where nothing is stated: ISO 13715 has it as the limit of a sharp edge."""
+UNSEEN_PX = 3.0
+"""Images show wider breaks, as two steps. Narrower ones leave the shape of a step as it is, and only move it.
+
+Chamfers of 2 px are seen, and round bands of 3 px not always, see `benchmarks/images/broken_edges.py`.
+"""
+MOST_UNSEEN_MM = 0.5
+"""Larger breaks are dimensioned in drawings, and so the model has them."""
 MOST_BREAK_MM = 10.0
 """A larger break is a face of the model."""
 

@@ -27,6 +27,7 @@ from planner.app.job import read_lighting
 from planner.app.options import Light
 from planner.light.area_light import AreaSpace, EdgePoints, Sight, entity_shown
 from planner.light.lighting import Lighting
+from planner.light.reflection import Material
 from planner.sensor_setting import ReasonKind
 
 PLATE = holed_plate()
@@ -89,7 +90,7 @@ def test_a_wall_next_to_an_edge_must_be_wide_or_hardly_there():
     """The image of the wall is r h / (d - h) wide on the lower plane, as seen from the axis: 0.276 mm."""
     rim = rim_at(0.0).edge_ids
     width = RADIUS * HEIGHT / (DISTANCE - HEIGHT)
-    metal = replace(UNDER, metal=True)
+    metal = replace(UNDER, material=Material("metal"))
     # half of the rectangle's light, as the search takes it
     third = (1 - 0.5) / (1 + 0.5)
     for pixels, on_matt, on_metal in ((3.3, 0.6, third), (2.7, 0, 0), (0.5, 0, 0)):
@@ -97,7 +98,7 @@ def test_a_wall_next_to_an_edge_must_be_wide_or_hardly_there():
         for light, expected in ((UNDER, on_matt), (metal, on_metal)):
             contrast, step = entity_shown(light, sight, rim, eye_beside(0.0))
             assert contrast.tolist() == pytest.approx([expected])
-            assert step.tolist() == pytest.approx([expected * (1.5 if light.metal else 1.25)])
+            assert step.tolist() == pytest.approx([expected * (1.5 if light.on_metal else 1.25)])
     # of sheet of 0.1 mm, the wall is a fiftieth of a pixel wide
     sheet = Solid(PLATE.vertices * [1, 1, 0.01], PLATE.faces, name="sheet")
     for light in (UNDER, metal):
@@ -110,7 +111,7 @@ def test_a_wall_next_to_an_edge_must_be_wide_or_hardly_there():
 
 def test_the_upper_rim_shows_on_metal_where_the_wall_is_bright():
     """The top is dark. Next to its rim is the wall, or the rectangle itself where an oblique camera sees no wall."""
-    metal = replace(UNDER, metal=True)
+    metal = replace(UNDER, material=Material("metal"))
     rim = rim_at(HEIGHT).edge_ids
     for offset in (0.0, 150.0):
         contrast, step = entity_shown(metal.held(np.eye(4)), FINE, rim, eye_beside(offset))
@@ -119,6 +120,18 @@ def test_the_upper_rim_shows_on_metal_where_the_wall_is_bright():
         assert 0.3 < step[0] < 0.9
     narrow, _ = entity_shown(metal.held(np.eye(4)), SIGHT, rim, eye_beside(0.0))
     assert narrow == [0]
+
+
+def test_the_smoother_metal_is_the_brighter_is_the_wall():
+    """A mirror shows the rectangle in the wall, with the reflectance of metal; rough metal scatters it elsewhere."""
+    rim = rim_at(HEIGHT).edge_ids
+    steps = []
+    for roughness in (0.02, 0.3, 1.0):
+        metal = replace(UNDER, material=Material("metal", roughness)).held(np.eye(4))
+        steps.append(entity_shown(metal, FINE, rim, eye_beside(0.0))[1][0])
+    assert steps[0] == pytest.approx(1.0, abs=0.15)
+    assert steps[0] > 1.3 * steps[1]
+    assert steps[1] > 1.3 * steps[2]
 
 
 def test_an_outline_shows_as_far_as_the_rectangle_reaches_beside_it():
@@ -142,7 +155,7 @@ def test_an_outline_shows_as_far_as_the_rectangle_reaches_beside_it():
     assert entity_shown(UNDER, SIGHT, [edge.id], behind)[0] == [0]
     assert entity_shown(UNDER, SIGHT, [lower.id], behind)[0] == pytest.approx([0.6])
     # a metal wall is nearly as bright as the rectangle: exactly, it hardly shows
-    metal = replace(UNDER, metal=True).held(np.eye(4))
+    metal = replace(UNDER, material=Material("metal")).held(np.eye(4))
     assert 0 < entity_shown(metal, SIGHT, [lower.id], behind)[0] < 0.3
     # the ray three pixels beside the upper edge meets the plane at y = 25 + (25 + 3 px) d / (d - h) = 51.25 mm
     pixel = SIGHT.pixel_rad * (DISTANCE - HEIGHT)

@@ -157,7 +157,7 @@ def test_the_material_belongs_to_the_request():
     assert light.material == METAL
     assert from_plain(CoaxialLight, to_plain(light), RequestError) == light
     assert Lighting(CoaxialLight(50.0, 200.0), material=METAL).area.material == METAL
-    assert Lighting("backlight", material=METAL).on_part(block(), CAMERA).area.metal
+    assert Lighting("backlight", material=METAL).on_part(block(), CAMERA).area.on_metal
 
 
 def test_a_space_with_a_mounted_light_shows_no_more_than_the_regions():

@@ -49,12 +49,28 @@ def test_values_of_stated_breaks_are_right_within_their_uncertainty(kind):
                 assert reading.budget["edge state"] > 0
 
 
-def test_what_is_assumed_is_said_with_what_a_break_does():
+def test_what_is_assumed_is_said_with_u_of_what_images_do_not_show():
     sharp = plate.photograph(plate.fine_plate(), plate.POSES[:1], samples=2)
     assumed = measurer().measure(sharp, MeasureOptions(OWN))
-    assert assumed.edges.startswith("assumed sharp within 0.05 mm; a break of 0.1 mm would move ")
+    assert assumed.edges.startswith("assumed sharp within 0.05 mm; U holds for that. Images may ")
+    assert "it is open whether left, right, apart, width conform" in assumed.edges
     assert not assumed.notes
-    assert results("chamfer", (0.2, 0.4)).edges == "broken by 0.2 to 0.4 mm"
+    unseen = assumed.unseen
+    # 3 px, in the plane of focus
+    camera = plate.CAMERA
+    pixel = camera.pixel_pitch_mm[0] * 300.0 / camera.image_distance_mm
+    assert unseen.limit_mm == pytest.approx(3 * pixel, rel=0.1)
+    assert assumed.to_dict()["unseen_breaks"]["U"].keys() == {"left", "right", "apart", "width"}
+    # at least that of edges that are broken by anything up to there, with what is corrected then
+    stated = measurer().measure(sharp, MeasureOptions(OWN, edge_break_mm=(0.0, unseen.limit_mm)))
+    for result in stated:
+        corrected = abs(result.value - assumed[result.name].value)
+        u = np.hypot(result.standard_uncertainty, corrected)
+        # steps of lines that merge do not move in proportion
+        assert 0.8 < unseen.uncertainties[result.name] / (2 * u) < 1.4
+    told = results("chamfer", (0.2, 0.4))
+    assert told.edges == "broken by 0.2 to 0.4 mm"
+    assert told.unseen is None
 
 
 def test_a_sharp_part_has_no_part_of_its_uncertainty_from_breaks():

@@ -14,7 +14,15 @@ from PIL import Image, ImageCms
 from scipy.special import ndtr
 
 from aspectgraph import read_solid
-from planner import Backlight, Camera, MeasureOptions, Measurer, Registration, read_plan
+from planner import (
+    Backlight,
+    Camera,
+    Material,
+    MeasureOptions,
+    Measurer,
+    Registration,
+    read_plan,
+)
 from planner.camera.response import LINEAR, SRGB, Response, of_profile, stated_in_file
 from planner.exceptions import CameraError
 from planner.measuring.images import FILE, Picture
@@ -400,7 +408,9 @@ def reading(value, u):
 def test_light_on_metal_tells_no_response():
     """What edges show there is not asked: the images are measured as they are, and U allows for a gamma."""
     model = SimpleNamespace(
-        edges=SimpleNamespace(area=Backlight((0, 0, 0), (9, 0, 0), (0, 9, 0), "", True))
+        edges=SimpleNamespace(
+            area=Backlight((0, 0, 0), (9, 0, 0), (0, 9, 0), "", Material("metal"))
+        )
     )
     judged = judge_response(model, {}, {}, 5.0)
     assert judged.gamma == 1

@@ -1,6 +1,7 @@
 """Breaks that images show: closed forms of profiles, and plates with true chamfers and bands, seen by rays."""
 
 from functools import cache
+from types import SimpleNamespace
 
 import measured_plate as plate
 import numpy as np
@@ -13,6 +14,7 @@ from planner.measuring.seen_breaks import (
     LEAST_TIMES,
     ROUND_TIMES,
     SeenBreak,
+    _between_flat,
     distance_of_steps,
     seen_notes,
 )
@@ -111,3 +113,27 @@ def test_a_break_within_what_is_stated_is_not_told():
     )
     (wrong,) = seen_notes(seen, SHARP)
     assert wrong.endswith("and they are stated as sharp: measured as stated")
+
+
+class Beside:
+    """Faces beside six samples: the second side turns from 3 px on, or ends, or there is a shadow on it."""
+
+    def beside(self, across, px):
+        turn = np.deg2rad([0.0, 5.0, 30.0, 0.0, 0.0, 0.0]) * (px > 3)
+        turned = np.stack([np.sin(turn), 0 * turn, np.cos(turn)], axis=1)
+        normals = np.stack([np.tile([0.0, 0.0, 1.0], (6, 1)), turned])
+        on_part = np.ones((2, 6), dtype=bool)
+        on_part[0, 3] = False
+        on_part[0, 4] = px < 3
+        light = np.ones((2, 6))
+        light[1, 5] = px < 3
+        return SimpleNamespace(normals=normals, light=lambda place: (light, light)), on_part
+
+
+def test_profiles_end_where_a_round_face_the_background_or_a_shadow_begins():
+    across = np.zeros((6, 2))
+    lamp = SimpleNamespace(place=np.zeros(3))
+    even = [True, True, False, True, False]
+    assert _between_flat(Beside(), across, 6.5, None).tolist() == [*even, True]
+    assert _between_flat(Beside(), across, 6.5, lamp).tolist() == [*even, False]
+    assert _between_flat(Beside(), across, 2.5, lamp).all()

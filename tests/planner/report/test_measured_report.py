@@ -12,6 +12,7 @@ from browser import Browser, needs_browser
 from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
 
 from planner import Registration, measure, measured_html
+from planner.measuring.results import UnseenBreaks, number_text
 from planner.measuring.samples import State
 from planner.report.measured_report import (
     COLOURS,
@@ -140,15 +141,15 @@ def test_budgets_stand_in_one_table_and_sum_to_u(page, results):
     assert table.count('class="strong"') == len(rows) - 1
 
 
-def test_a_break_is_marked_where_it_moves_the_value_by_more_than_u(results):
-    shifts = {
-        one.name: scale * one.expanded_uncertainty
-        for one, scale in zip(results, (0.5, 2), strict=True)
-    }
-    page = measured_html(replace(results, break_shifts=shifts))
-    assert re.findall(r'<span class="(\w*)">≤ ', page) == ["bad"]
-    assert page.count("≤ ") == 2
-    assert "a 0.1 mm break moves it" not in measured_html(replace(results, break_shifts={}))
+def test_u_with_unseen_breaks_is_marked_where_the_decision_is_then_open(results):
+    wider = {one.name: 2 * one.expanded_uncertainty for one in results}
+    unseen = UnseenBreaks(0.16, wider, ("left",))
+    page = measured_html(replace(results, unseen=unseen))
+    assert "U with breaks to 0.16 mm" in page
+    assert "Images may not show breaks of up to 0.16 mm" in page
+    wanted = number_text(wider["left"], wider["left"])
+    assert re.findall(r'<span class="bad">([0-9.]+)</span>', page) == [wanted]
+    assert "U with breaks" not in measured_html(replace(results, unseen=None))
 
 
 def test_a_value_far_outside_conforms_with_less_than_any_number(results):
@@ -160,9 +161,9 @@ def test_a_value_far_outside_conforms_with_less_than_any_number(results):
 @needs_browser
 def test_ten_targets_fit_on_six_pages(results, tmp_path):
     ten = {f"target {k}": replace(results["left"], name=f"target {k}") for k in range(10)}
-    shifts = dict.fromkeys(ten, 0.2)
+    unseen = UnseenBreaks(0.2, dict.fromkeys(ten, 0.2))
     path = tmp_path / "report.html"
-    path.write_text(measured_html(replace(results, results=ten, break_shifts=shifts)), "utf-8")
+    path.write_text(measured_html(replace(results, results=ten, unseen=unseen)), "utf-8")
     folder = tmp_path / "profile"
     browser = Browser(folder)
     try:
