@@ -41,6 +41,9 @@ Floats = NDArray[np.float64]
 PARALLEL_RAD = 1e-3
 """Angle up to which datums are taken as parallel to the plane of the rim, or lines as across each other."""
 
+_RADIUS = 2
+"""Place of the radius in what is fitted of a circle."""
+
 Slot: TypeAlias = tuple[Line, Line]
 Datum: TypeAlias = Line | Circle | Slot
 
@@ -429,6 +432,13 @@ class Position(Measurand):
         jet = self.frame.errors[0]
         return 0.0, self.frame.frames, jet.gradient, jet.hessian
 
+    @property
+    def size_mm(self) -> float:
+        """Nominal diameter of the rim, mm."""
+        rim = self.geometry[0]
+        assert isinstance(rim, Circle), "a position has a rim first"
+        return 2.0 * rim.radius_mm
+
     def error(self, fitted: list[Floats]) -> Floats:
         """Return e (n, c) by what is fitted, in the axes of the frame."""
         parts = []
@@ -444,15 +454,17 @@ class Position(Measurand):
         ]
         return np.stack(columns, axis=1)
 
-    def along(self, shares: ArrayLike) -> PositionComponent:
+    def along(self, shares: ArrayLike, size: float = 0.0) -> PositionComponent:
         """Return a sum of components of e, which is a number that is nearly linear in what is fitted.
 
         Parameters
         ----------
         shares : array_like (c,)
             Of each component.
+        size : float
+            Share of the deviation of the rim's diameter, which counts where a material condition widens the zone.
         """
-        return PositionComponent(self, np.asarray(shares, dtype=np.float64))
+        return PositionComponent(self, np.asarray(shares, dtype=np.float64), size)
 
     def value(self, fitted: list[Floats]) -> Floats:
         """Return positions (n,) by what is fitted."""
@@ -464,7 +476,7 @@ class Position(Measurand):
 
 
 class PositionComponent(Measurand):
-    """A sum of components of a position's error e, mm.
+    """A sum of components of a position's error e and of the deviation of its size, mm.
 
     Parameters
     ----------
@@ -472,13 +484,16 @@ class PositionComponent(Measurand):
         The position.
     shares : array (c,)
         Of each component.
+    size : float
+        Of the deviation of the rim's diameter.
     """
 
     kind = "position"
 
-    def __init__(self, position: Position, shares: Floats):
+    def __init__(self, position: Position, shares: Floats, size: float = 0.0):
         self.position = position
         self.shares = shares
+        self.size = size
         super().__init__(position.geometry)
 
     def describe(self) -> tuple[float, tuple[Frame, ...], Floats, Floats]:
@@ -486,11 +501,15 @@ class PositionComponent(Measurand):
         jets = self.position.frame.errors
         gradient = sum(share * jet.gradient for share, jet in zip(self.shares, jets, strict=True))
         hessian = sum(share * jet.hessian for share, jet in zip(self.shares, jets, strict=True))
-        return 0.0, self.position.frames, np.asarray(gradient), np.asarray(hessian)
+        by_size = np.zeros(len(jets[0].gradient))
+        # the rim comes first: its centre, then its radius
+        by_size[_RADIUS] = 2.0 * self.size
+        return 0.0, self.position.frames, np.asarray(gradient) + by_size, np.asarray(hessian)
 
     def value(self, fitted: list[Floats]) -> Floats:
         """Return the sums (n,) by what is fitted."""
-        return np.asarray(self.position.error(fitted) @ self.shares)
+        size = 2.0 * fitted[0][:, _RADIUS] - self.position.size_mm
+        return np.asarray(self.position.error(fitted) @ self.shares + self.size * size)
 
 
 class PositionModel(MeasurandModel):

@@ -19,15 +19,16 @@ from numpy.typing import NDArray
 from aspectgraph.entities.entity_rules import table_text
 from errors.checks import chi_squared_quantile
 from errors.many_images import best_weights
-from errors.measurands import Decision as Decision
-from errors.measurands import DecisionRule as DecisionRule
 from errors.measurands import (
+    Bonus,
     acceptance_limits,
     conformance_probability,
     decide,
     decide_deviation,
     deviation_interval,
 )
+from errors.measurands import Decision as Decision
+from errors.measurands import DecisionRule as DecisionRule
 from errors.measurands.measurand import COVERAGE
 from ground.convert import Key, Meta, NullIs, Shape, json_schema, to_plain
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
@@ -37,7 +38,7 @@ from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import NumberOrNull, Registered
 from planner.measuring.response import ResponseRecord
-from planner.request.dimension import plain_tolerance
+from planner.request.dimension import POSITION, MaterialCondition, plain_tolerance
 from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState
 from planner.request.targets import Target
 from planner.request.words import tolerance_text
@@ -86,17 +87,28 @@ def decimals_of(uncertainty: float) -> int:
 
 
 def nominal_text(result: Result) -> str:
-    """Return the nominal value with its unit and tolerance."""
+    """Return the nominal value with its unit and tolerance; of a position its zone, with the bonus."""
+    if result.kind == POSITION and result.tolerance is not None:
+        bonus = f" + {result.bonus_mm:.3g} bonus" if math.isfinite(result.bonus_mm) else ""
+        return f"⌀{result.tolerance[1]:.6g}{bonus} {result.unit}"
     tolerance = "" if result.tolerance is None else f" {tolerance_text(result.tolerance)}"
     return f"{result.nominal:.6g} {result.unit}{tolerance}"
 
 
 def value_texts(result: Result) -> tuple[str, str]:
-    """Return a value and its U; nothing of what was not measured."""
+    """Return a value and its U; of a position the interval instead, and nothing of what was not measured."""
     if not result.measured:
         return "", ""
     u = result.expanded_uncertainty
+    if result.interval is not None:
+        return number_text(result.value, u), interval_text(result.interval, u)
     return number_text(result.value, u), number_text(u, u)
+
+
+def interval_text(interval: tuple[float, float], uncertainty: float) -> str:
+    """Return an interval of a value with 95 %, with the digits of its uncertainty."""
+    low, high = (number_text(end, uncertainty) for end in interval)
+    return f"{low} .. {high}"
 
 
 def verdict(results: MeasurementResults) -> str:
@@ -150,6 +162,10 @@ class Result(ShownInNotebook):
         is left between the guard bands.
     advice : str
         What to change in the shop if it was not measured; empty if nothing is known.
+    interval : (float, float) or None
+        Of a position, the interval that its value lies in with 95 %: near 0, U does not describe it.
+    bonus_mm : float
+        By how much the measured size widens the zone of a position; nan without a material condition.
     deviation : float
         Measured value minus nominal value.
     expanded_uncertainty : float
@@ -176,6 +192,8 @@ class Result(ShownInNotebook):
         Meta(description="Deviations between which the rule accepts; null: it accepts none."),
     ] = None
     advice: str = ""
+    interval: tuple[float, float] | None = None
+    bonus_mm: NumberOrNull = math.nan
     deviation: NumberOrNull = field(init=False)
     expanded_uncertainty: Annotated[NumberOrNull, Key("U")] = field(init=False)
 
@@ -205,6 +223,8 @@ class Result(ShownInNotebook):
         """Return a one-line summary."""
         value, u = value_texts(self)
         measured = f"{value} ± {u} {self.unit}, " if self.measured else ""
+        if self.interval is not None:
+            measured = f"{value} ({u}) {self.unit}, "
         return f"<Result {self.name!r}: {measured}{self.decision.value}>"
 
     def _notebook_view(self) -> NotebookView:
@@ -212,7 +232,7 @@ class Result(ShownInNotebook):
         rows = [
             ("nominal", nominal_text(self)),
             ("value", f"{value} {self.unit}" if value else self.reason),
-            ("U (k = 2)", f"{u} {self.unit}" if u else ""),
+            ("U (k = 2)" if self.interval is None else "95 %", f"{u} {self.unit}" if u else ""),
             ("decision", _decision_cell(self.decision)),
         ]
         for reading in self.readings:
@@ -375,15 +395,25 @@ def _position_result(
     good = [reading for reading in readings if reading.measured]
     best = min(good, key=lambda reading: float(np.trace(np.array(reading.covariance_mm2))))
     tolerance = target.tolerance or (0.0, 0.0)
-    covariance = np.array(best.covariance_mm2)
-    decision, probability = decide_deviation(best.deviation_mm, covariance, tolerance[1], rule)
+    n = len(best.deviation_mm)
+    joint = np.array(best.covariance_mm2)
+    covariance = joint[:n, :n]
+    bonus = _bonus(target.material, best)
+    decision, probability = decide_deviation(
+        best.deviation_mm, covariance, tolerance[1], rule, bonus
+    )
     e = ", ".join(f"{component:+.4f}" for component in best.deviation_mm)
     notes = [
         f"e = ({e}) mm in the plane of the rim and the axes of the datum frame; a rim does not show the axis"
     ]
-    if len(best.deviation_mm) == 2:
-        low, high = deviation_interval(best.deviation_mm, covariance)
-        notes.append(f"{low:.4f} to {high:.4f} mm with 95 %")
+    bonus_mm = math.nan
+    if bonus is not None:
+        bonus_mm = max(0.0, bonus.surplus_mm)
+        condition = target.material.condition if target.material is not None else ""
+        notes.append(
+            f"bonus {bonus_mm:.4f} mm by ({condition}): the diameter is {best.size_mm:.4f} mm, "
+            f"U = {COVERAGE * bonus.u_mm:.2g} mm"
+        )
     if len(good) > 1:
         notes.append(f"from {best.image}, the surest of {len(good)} images")
     notes += dict.fromkeys(note for reading in good for note in reading.notes)
@@ -391,6 +421,21 @@ def _position_result(
         *(name, target.kind, target.unit, target.nominal, tolerance),
         *(best.value, best.standard_uncertainty, decision, probability),
         *("", tuple(readings), tuple(notes)),
+        interval=deviation_interval(best.deviation_mm, covariance),
+        bonus_mm=bonus_mm,
+    )
+
+
+def _bonus(material: MaterialCondition | None, reading: Reading) -> Bonus | None:
+    """Return what the measured size of a position adds to its zone, with what it has in common with the position."""
+    if material is None or not math.isfinite(reading.size_mm):
+        return None
+    *shared, variance = reading.covariance_mm2[-1]
+    sign = 1.0 if material.has_lower_limit else -1.0
+    return Bonus(
+        material.surplus_mm(reading.size_mm),
+        math.sqrt(max(variance, 0.0)),
+        tuple(sign * each for each in shared),
     )
 
 
@@ -782,12 +827,15 @@ COLUMNS = (
         "overexposed",
     ),
     *(f"u_{source.replace(' ', '_')}" for source in SOURCES),
-    *("reason", "advice"),
+    *("reason", "advice", "interval_from", "interval_to", "bonus"),
 )
 """Columns of the table."""
 
 _WITH_UNIT = frozenset(
-    ("nominal", "lower", "upper", "value", "deviation", "u", "U", "accepted_from", "accepted_to")
+    (
+        *("nominal", "lower", "upper", "value", "deviation", "u", "U"),
+        *("accepted_from", "accepted_to", "interval_from", "interval_to", "bonus"),
+    )
 )
 # shares and pixels
 _DECIMALS_OF = {"P_conforms": 6, "found": 3, "rms_px": 4, "overexposed": 4}
@@ -1114,7 +1162,7 @@ def _rounded_row(row: Mapping[str, Any]) -> dict[str, Any]:
     for name, value in row.items():
         if not isinstance(value, float):
             continue
-        if name in ("value", "deviation", "u", "U"):
+        if name in ("value", "deviation", "u", "U", "interval_from", "interval_to", "bonus"):
             rounded[name] = round(value, decimals + (name == "u"))
         elif name.startswith("u_"):
             rounded[name] = round(value, decimals + 1)
@@ -1165,5 +1213,7 @@ def _row(one: Result) -> dict[str, Any]:
         counts.get("overexposed", 0) / total if total else None,
         *(math.sqrt(budget[source]) if budget else None for source in SOURCES),
         *(one.reason, one.advice),
+        *(one.interval or (None, None)),
+        _number(one.bonus_mm),
     )
     return dict(zip(COLUMNS, values, strict=True))

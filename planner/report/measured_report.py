@@ -40,11 +40,12 @@ from planner.text_table import Column, Table, print_table, print_text, words
 
 def print_results(results: MeasurementResults) -> None:
     """Print measured values with their uncertainties and decisions, and why others have none."""
+    has_u = all(result.interval is None for result in results)
     columns = (
         Column("target"),
         Column("nominal", right=True),
         Column("value", right=True),
-        Column("U (k = 2)", right=True),
+        Column("U (k = 2)" if has_u else "U (k = 2) or 95 %", right=True),
         Column("found", right=True),
         Column("decision"),
     )
@@ -450,12 +451,13 @@ def _break_explanation(results: MeasurementResults) -> str:
 def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
     """Return the values, each with a picture of its tolerance or the reason why there is none."""
     is_open = bool(results.break_shifts)
+    has_u = all(result.interval is None for result in ordered)
     columns = (
         Column("target", kind="link"),
         Column("nominal, tolerance", right=True),
         Column("value", right=True),
         Column("deviation", right=True),
-        Column("U (k = 2)", right=True),
+        Column("U (k = 2)" if has_u else "U (k = 2), or 95 % of a position", right=True),
         Column("accepted deviation", right=True),
         *(
             [Column(f"a {TYPICAL_BREAK_MM:g} mm break moves it", right=True, kind="lines")]
@@ -551,6 +553,11 @@ def _sentence(result: Result) -> str:
         f"{result.kind.replace('_', ' ').capitalize()} {value} {result.unit}, "
         f"deviation {_minus(f'{result.deviation:+.{decimals}f}')}, U = {uncertainty}."
     )
+    if result.interval is not None:
+        zone = nominal_text(result)
+        text = (
+            f"Position {value} {result.unit} in {zone}, with 95 % in {uncertainty} {result.unit}."
+        )
     if math.isfinite(result.conformance_probability):
         probability = probability_text(result.conformance_probability)
         if not float(probability.removeprefix("> ")):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+from ground.convert import Meta
 from ground.short_repr import short_repr
 from planner.argument_kinds import (
     ABOVE_0_TO_1,
@@ -119,6 +120,87 @@ def check_side(tolerance_class: str, solid: Solid, arcs: Sequence[Arc]) -> None:
 POSITION = "position"
 """The kind of a dimension that is a position: its value is twice a deviation, so its nominal value is 0."""
 
+
+@dataclass(frozen=True)
+class MaterialCondition:
+    """The limit of size from which a material condition widens the zone of a position (ISO 2692).
+
+    Attributes
+    ----------
+    condition : str
+        "M" for the maximum material condition, "L" for the least one.
+    limit_mm : float
+        Diameter of the hole or pin at this condition, mm.
+    is_hole : bool
+        Whether it is a hole.
+    """
+
+    condition: Annotated[str, Meta(pattern="^[ML]$", title="must be M or L")]
+    limit_mm: Annotated[float, Meta(gt=0, title="must be positive and finite")]
+    is_hole: bool
+
+    @classmethod
+    def of(
+        cls, condition: str, deviations: tuple[float, float], nominal_mm: float, is_hole: bool
+    ) -> MaterialCondition:
+        """Return the condition of a size with its deviations.
+
+        Parameters
+        ----------
+        condition : str
+            "M" or "L".
+        deviations : (float, float)
+            Lower and upper deviation of the diameter, mm.
+        nominal_mm : float
+            Its nominal value.
+        is_hole : bool
+            Whether it is a hole.
+
+        Raises
+        ------
+        RequestError
+            The size has no limit at this condition.
+        """
+        lower, upper = deviations
+        limit = lower if is_hole == (condition == "M") else upper
+        if not math.isfinite(limit):
+            side = "lower" if limit < 0 else "upper"
+            raise RequestError.of_rule(
+                "size", f"must have a {side} limit for ({condition})", f"[{lower:g}, {upper:g}]"
+            )
+        return cls(condition, nominal_mm + limit, is_hole)
+
+    @property
+    def has_lower_limit(self) -> bool:
+        """Whether the zone grows with the size."""
+        return self.is_hole == (self.condition == "M")
+
+    def surplus_mm(self, size_mm: float) -> float:
+        """Return by how much a size has left its limit; negative beyond it.
+
+        Parameters
+        ----------
+        size_mm : float
+            A diameter, mm.
+        """
+        apart = size_mm - self.limit_mm
+        return apart if self.has_lower_limit else -apart
+
+    def deviations(self, nominal_mm: float) -> tuple[float, float]:
+        """Return deviations of a size that have this limit, as `Dimension` takes them.
+
+        Parameters
+        ----------
+        nominal_mm : float
+            The nominal diameter.
+        """
+        limit = self.limit_mm - nominal_mm
+        return (limit, math.inf) if self.has_lower_limit else (-math.inf, limit)
+
+
+MATERIAL_CONDITIONS = ("M", "L")
+"""Conditions that widen a zone: maximum and least material."""
+
 QUARTER = 0.25
 """Share of a tolerance's half width that a measurement error may take: the usual 4 : 1 test uncertainty ratio."""
 
@@ -185,6 +267,12 @@ class Dimension:
     edge_break_mm : (float, float), optional
         By how much its edges are broken along their faces, least and most, mm. Default: what the
         call states of the whole part.
+    material : str
+        ``"M"`` or ``"L"`` if the maximum or least material condition widens the zone of a position.
+        It needs ``size``.
+    size : (float, float), optional
+        Lower and upper deviation of the diameter of the hole or pin, mm, or a class such as
+        ``"H7"``. The diameter is measured with the position, on the same rim.
 
     Raises
     ------
@@ -216,6 +304,8 @@ class Dimension:
     surfaces_from: str = ""
     places: int = 1
     edge_break_mm: tuple[float, float] | None = None
+    material: str = ""
+    size: tuple[float, float] | str | None = None
 
     __repr__ = short_repr
 
@@ -238,6 +328,7 @@ class Dimension:
             check_number("surfaces_mm", self.surfaces_mm, NOT_NEGATIVE)
         if self.edge_break_mm is not None:
             object.__setattr__(self, "edge_break_mm", checked_break(self.edge_break_mm))
+        self._check_material()
         whole = isinstance(self.n_features, int) and not isinstance(self.n_features, bool)
         if not (whole and self.n_features >= 1):
             raise RequestError.of_rule(
@@ -250,6 +341,33 @@ class Dimension:
                 "must be 1 unless it is a distance of two edges",
                 f"{self.places} for a {self.kind.replace('_', ' ')}",
             )
+
+    def _check_material(self) -> None:
+        """Check the material condition of a position, and the limits of its size."""
+        if not self.material and self.size is None:
+            return
+        if self.kind != POSITION:
+            got = f"{self.material or self.size!r} for a {self.kind.replace('_', ' ')}"
+            raise RequestError.of_rule("material and size", "must be those of a position", got)
+        if self.material not in MATERIAL_CONDITIONS:
+            raise RequestError.of_rule(
+                "material", "must be M or L where a size is stated", repr(self.material)
+            )
+        if self.size is None:
+            rule = "must be stated with a material condition: its two deviations, or a class"
+            raise RequestError.of_rule("size", rule, "none")
+        if isinstance(self.size, str):
+            try:
+                size_class = checked_class(self.size, "diameter")
+            except RequestError:
+                rule = "must be two deviations, a class such as H7, or in a file the name of a diameter"
+                raise RequestError.of_rule("size", rule, repr(self.size)) from None
+            object.__setattr__(self, "size", size_class)
+            return
+        try:
+            object.__setattr__(self, "size", checked_tolerance(self.size))
+        except RequestError as error:
+            raise RequestError(str(error).replace("tolerance", "size", 1)) from error
 
     def _check_requirements(self) -> None:
         """Check that one thing is asked; a text of a tolerance is a class, and None in it an infinite limit."""
@@ -422,8 +540,8 @@ class Dimension:
         zone_mm : float
             Diameter of the zone, mm.
         **requirement
-            As for `Dimension`: ``share`` or ``surfaces_mm``. The error of the position must
-            stay in a disc, whose radius is the share of half of the zone.
+            As for `Dimension`: ``share``, ``surfaces_mm``, or ``material`` with ``size``. The error
+            of the position must stay in a disc, whose radius is the share of half of the zone.
 
         Returns
         -------
@@ -582,7 +700,10 @@ def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
     names = {f"tolerance_{unit}": "tolerance", f"max_error_{unit}": "max_error"}
     names |= {
         name: name
-        for name in ("accuracy", "share", "direction", "tolerance_class", "surfaces_mm", "places")
+        for name in (
+            *("accuracy", "share", "direction", "tolerance_class", "surfaces_mm", "places"),
+            *("material", "size"),
+        )
     }
     if isinstance(requirement.get("tolerance"), str):
         # deviations have their unit in the name; a class has none

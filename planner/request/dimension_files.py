@@ -164,7 +164,7 @@ PARALLEL = "parallel"
 
 _OPTIONS = (
     *("tolerance", "max_error", "accuracy", "share", "direction", "places", "unit", "any"),
-    *("edge_break_mm", "zone", "datums"),
+    *("edge_break_mm", "zone", "datums", "material", "size"),
 )
 # in the unit of the values, mm or degrees
 _UNITS = {"mm": 1.0, "um": 1e-3, "in": 25.4, "deg": 1.0, "rad": 57.29577951308232}
@@ -182,7 +182,8 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
     give the same value follow as ``any``: ``step = { distance = [17, 18], any = [[21, 22]], max_error = 0.02 }``.
     A distance may be asked for at ``places`` along its edges: ``step = { distance = [17, 18], places = 3 }``.
     A position has a zone and datums, which a table ``datums`` may name:
-    ``bolt = { position = "r3", zone = 0.2, datums = [17, 18] }``.
+    ``bolt = { position = "r3", zone = 0.2, datums = [17, 18] }``. With ``material = "M"`` or ``"L"``, ``size`` names
+    the diameter of the file that has the limits, or states its deviations or class.
     ``edge_break_mm = [0.1, 0.3]`` states by how much the edges of the dimension are broken, in mm whatever the unit.
 
     Parameters
@@ -213,10 +214,25 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
         raise RequestError(
             f"a file of dimensions must hold one name at least. Got none in {Path(path).name}."
         )
-    return {
-        name: _wanted(name, _with_datums(value, datums), kinds, share)
-        for name, value in content.items()
-    }
+    items = {}
+    for name, value in content.items():
+        stated = _with_datums(value, datums)
+        size = stated.get("size") if isinstance(stated, Mapping) else None
+        if isinstance(size, str) and size in content:
+            stated = {**stated, "size": _size_of(name, size, content[size], kinds)}
+        items[name] = _wanted(name, stated, kinds, share)
+    return items
+
+
+def _size_of(name: str, size: str, stated: Any, kinds: tuple[str, ...]) -> Any:
+    """Return the limits of a diameter of the file that is the size of a position: deviations in mm, or a class."""
+    diameter = _wanted(size, stated, kinds)
+    is_limited = isinstance(diameter, Dimension) and diameter.kind == "diameter"
+    limits = (diameter.tolerance or diameter.tolerance_class) if is_limited else None
+    if limits is None:
+        rule = "must name a diameter of the file with a tolerance"
+        raise RequestError(f"dimension {name!r}: size {rule}. Got {size!r}.")
+    return limits
 
 
 def _with_datums(value: Any, named: Mapping[str, Any]) -> Any:
@@ -281,13 +297,15 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
     units = [name for name in _UNITS if (name in _ANGLES) == (kind == "angle")]
     if unit not in units:
         raise RequestError.of_rule("unit", f"must be one of {', '.join(units)}", repr(unit))
-    apart = ("unit", "any", "zone", "datums")
+    apart = ("unit", "any", "zone", "datums", "material", "size")
     options = {key: value[key] for key in _OPTIONS if key in value and key not in apart}
     factor = _UNITS[unit]
     if kind == POSITION:
         return _position(entities, value, options, factor)
     if "zone" in value or "datums" in value:
         raise RequestError(f"zone and datums must be those of a position. Got them for a {kind}.")
+    if "material" in value or "size" in value:
+        raise RequestError(f"material and size must be those of a position. Got them for a {kind}.")
     if isinstance(options.get("tolerance"), Mapping):
         options["tolerance"] = _limits(options["tolerance"])
     if isinstance(options.get("tolerance"), list):
@@ -316,6 +334,11 @@ def _position(
     edge_break_mm = options.pop("edge_break_mm", None)
     zone_mm = _scaled(value.get("zone"), factor)
     check_number("zone", zone_mm, POSITIVE)
+    options["material"] = value.get("material", "")
+    # deviations of another diameter of the file are in mm already, and a tuple
+    options["size"] = value.get("size")
+    if isinstance(options["size"], list):
+        options["size"] = tuple(_scaled(limit, factor) for limit in options["size"])
     position = Dimension.position(rim, datums, zone_mm, **options)
     return replace(position, edge_break_mm=edge_break_mm)
 

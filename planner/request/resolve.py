@@ -16,7 +16,7 @@ from errors.measurands import Circle, Line, Measurand, MeasurandError
 from errors.measurands.kinds import are_parallel
 from errors.measurands.measurand import measurand
 from planner.exceptions import RequestError
-from planner.request.dimension import Dimension, check_side
+from planner.request.dimension import Dimension, MaterialCondition, check_side, class_limits
 from planner.request.targets import (
     PREFERRED,
     EntityRecord,
@@ -461,7 +461,42 @@ def _dimension_target(
     indices = kept_witnesses(witnesses, choice)
     for entity in {measured.name: measured for k in indices for measured in ways[k]}.values():
         _check_chords(name, entity, curves, permitted)
-    return PlannedDimension.of(name, tuple(witnesses[k] for k in indices), dimension, permitted)
+    chosen = tuple(witnesses[k] for k in indices)
+    try:
+        material = _material(solid, dimension, [way[0] for way in ways], curves)
+    except RequestError as error:
+        raise RequestError(f"dimension {name!r}: {error}") from error
+    return PlannedDimension.of(name, chosen, dimension, permitted, material)
+
+
+def _material(
+    solid: Solid,
+    dimension: Dimension,
+    entities: Sequence[Entity],
+    curves: Mapping[tuple[int, ...], Arc],
+) -> MaterialCondition | None:
+    """Return what widens the zone of a position, by the limits of the size of its hole or pin."""
+    if dimension.size is None:
+        return None
+    from aspectgraph.dimensions.tolerances import is_in_hole
+
+    rim, *others = (curves[entity.edge_ids] for entity in entities)
+    for other in others:
+        if abs(other.radius_mm - rim.radius_mm) > SAME_VALUE:
+            raise RequestError.of_rule(
+                "any", "must hold rims of one diameter with a material condition", other.id
+            )
+    in_hole = is_in_hole(solid, rim)
+    if in_hole is None:
+        raise RequestError.of_rule(
+            "material", "must be that of a hole or pin, whose walls tell which", f"rim {rim.id}"
+        )
+    nominal_mm = 2.0 * rim.radius_mm
+    deviations = dimension.size
+    if isinstance(deviations, str):
+        check_side(deviations, solid, [rim])
+        deviations = class_limits(deviations, nominal_mm)
+    return MaterialCondition.of(dimension.material, deviations, nominal_mm, in_hole)
 
 
 def _without_other_stretches(

@@ -13,7 +13,7 @@ from errors.measurands.measurand import kinds, measurand
 from ground.convert import Meta, NullIs, field_name, from_plain, to_plain
 from planner.exceptions import PlanFileError, RequestError
 from planner.plan_file import Amount, Coordinates
-from planner.request.dimension import checked_tolerance
+from planner.request.dimension import MaterialCondition, checked_tolerance
 from planner.request.edge_state import Break, checked_break
 from planner.request.targets import (
     EdgeTarget,
@@ -108,6 +108,7 @@ class DimensionRecord:
     surfaces_mm: Amount | None
     surfaces_from: str
     edge_break_mm: Break | None = None
+    material: MaterialCondition | None = None
 
     def __post_init__(self) -> None:
         if self.edge_break_mm is not None:
@@ -129,6 +130,7 @@ class DimensionRecord:
             target.stated_surfaces_mm,
             target.surfaces_from,
             target.edge_break_mm,
+            target.material,
         )
 
     def target(self, name: str) -> PlannedDimension:
@@ -145,6 +147,7 @@ class DimensionRecord:
             self.surfaces_mm,
             self.surfaces_from,
             self.edge_break_mm,
+            self.material,
         )
         nominal = target.nominal
         if abs(nominal - self.nominal) > _SAME_NOMINAL * max(1.0, abs(nominal)):

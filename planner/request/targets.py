@@ -28,7 +28,13 @@ from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError, RequestError
 from planner.plan_file import Count
-from planner.request.dimension import POSITION, Dimension, half_width, is_one_sided
+from planner.request.dimension import (
+    POSITION,
+    Dimension,
+    MaterialCondition,
+    half_width,
+    is_one_sided,
+)
 from planner.request.edge_state import SHARP, EdgeState
 from planner.request.models import (
     DimensionModels,
@@ -251,6 +257,11 @@ class Target(ABC):
     @property
     def tolerance(self) -> tuple[float, float] | None:
         """Lower and upper deviation that the drawing allows; None of a target without them."""
+        return None
+
+    @property
+    def material(self) -> MaterialCondition | None:
+        """What widens the zone of a position; None of all else."""
         return None
 
     @property
@@ -507,6 +518,8 @@ class PlannedDimension(Target):
         The tolerance of the model that this follows from; empty if it was given.
     edge_break_mm : (float, float) or None
         By how much its edges are broken, least and most, mm, where the dimension states its own.
+    material : MaterialCondition or None
+        What widens the zone of a position.
     surfaces_mm : float
         The same, or that of the request, once `measured_with` has stated it.
     edges : EdgeState
@@ -522,6 +535,7 @@ class PlannedDimension(Target):
     stated_surfaces_mm: float | None = None
     surfaces_from: str = ""
     edge_break_mm: tuple[float, float] | None = None
+    material: MaterialCondition | None = None
     surfaces_mm: float = field(default=0.0, repr=False, kw_only=True)
     edges: EdgeState = field(default=SHARP, repr=False, kw_only=True)
 
@@ -529,7 +543,12 @@ class PlannedDimension(Target):
 
     @classmethod
     def of(
-        cls, name: str, witnesses: tuple[Witness, ...], dimension: Dimension, permitted_error: float
+        cls,
+        name: str,
+        witnesses: tuple[Witness, ...],
+        dimension: Dimension,
+        permitted_error: float,
+        material: MaterialCondition | None = None,
     ) -> PlannedDimension:
         """Return what a dimension is on the part.
 
@@ -543,6 +562,8 @@ class PlannedDimension(Target):
             The dimension as it was given; a tolerance class has become limits.
         permitted_error : float
             Largest permitted error, mm (angles: degrees).
+        material : MaterialCondition, optional
+            What widens the zone of a position.
 
         Returns
         -------
@@ -562,6 +583,7 @@ class PlannedDimension(Target):
             dimension.surfaces_mm,
             dimension.surfaces_from,
             dimension.edge_break_mm,
+            material,
         )
 
     @classmethod
@@ -731,7 +753,8 @@ class PlannedDimension(Target):
         if self.kind == POSITION and self.tolerance is not None:
             share = self._share(self.tolerance)
             error = f"error up to {self.permitted_error:.4g} {self.unit} ({share})"
-            return f"position in ⌀{self.tolerance[1]:.6g} {self.unit}", error
+            widened = "" if self.material is None else f" ({self.material.condition})"
+            return f"position in ⌀{self.tolerance[1]:.6g} {self.unit}{widened}", error
         error = f"error up to {self.permitted_error:.4g} {self.unit}"
         if self.tolerance is None:
             return nominal, error
@@ -781,6 +804,11 @@ class PlannedDimension(Target):
         error: dict[str, Any] = {"max_error": self.permitted_error}
         if self.share is not None:
             error = {"share": self.share}
+        if self.material is not None:
+            rim = self.geometry[0]
+            assert isinstance(rim, Circle), "a position has a rim first"
+            error["material"] = self.material.condition
+            error["size"] = self.material.deviations(2.0 * rim.radius_mm)
         return Dimension(
             self.kind,
             ways[0],

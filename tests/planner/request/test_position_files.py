@@ -69,3 +69,43 @@ def test_what_is_no_position_is_refused(tmp_path, text, message):
 def test_edges_may_be_written_as_tables_name_them(tmp_path):
     items = wanted(tmp_path, 'bolt = { position = "r3", zone = 0.2, datums = ["e17", "e18"] }')
     assert items["bolt"] == Dimension.position("r3", [17, 18], 0.2)
+
+
+def test_a_condition_takes_the_limits_of_a_diameter_of_the_file(tmp_path):
+    items = wanted(
+        tmp_path,
+        """
+        bore = { diameter = "r3", tolerance = [-0.002, 0.002], unit = "in" }
+        fit = { diameter = "r3", tolerance = "H7" }
+        bolt = { position = "r3", zone = 0.2, datums = [17, 18], material = "M", size = "bore" }
+        pin = { position = "r3", zone = 0.2, datums = [17, 18], material = "L", size = "fit" }
+        own = { position = "r3", zone = 0.01, unit = "in", datums = [17, 18], material = "M", size = [0, 0.004] }
+        """,
+    )
+    assert items["bolt"].material == "M"
+    assert items["bolt"].size == pytest.approx((-0.0508, 0.0508))
+    assert (items["pin"].material, items["pin"].size) == ("L", "H7")
+    assert items["own"].size == pytest.approx((0.0, 0.1016))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            'size = "bore" }\nbore = { diameter = "r3", max_error = 0.1 }',
+            "size must name a diameter",
+        ),
+        ('size = "bore" }\nbore = 17', "size must name a diameter"),
+        ('size = "other" }', "size must be two deviations, a class such as H7, or in a file"),
+        ("size = 3 }", "size must be two numbers"),
+    ],
+)
+def test_a_size_without_limits_is_refused(tmp_path, text, message):
+    head = 'bolt = { position = "r3", zone = 0.2, datums = [17, 18], material = "M", '
+    with pytest.raises(RequestError, match=message):
+        wanted(tmp_path, head + text)
+
+
+def test_only_positions_have_a_condition(tmp_path):
+    with pytest.raises(RequestError, match="material and size must be those of a position"):
+        wanted(tmp_path, 'bore = { diameter = "r3", material = "M", max_error = 0.1 }')
