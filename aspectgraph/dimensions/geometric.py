@@ -49,6 +49,9 @@ _ORIENTATIONS = ("angularity", "parallelism", "perpendicularity")
 _NO_FRAME = "only positions of holes and pins are measured against datums"
 _NO_CYLINDER = "position: the file states no cylindrical zone"
 
+_TO_DIAMETER = {"diameter": 1.0, "radius": 2.0}
+"""Kinds of sizes, and what makes them diameters."""
+
 _MOST_RIMS = 4
 """Rims of a hole that are offered for its position."""
 
@@ -88,6 +91,9 @@ class GeometricTolerance:
         For each feature why it is not measured; None where it is.
     note : str
         Sentence on what could not be read; empty if there is none.
+    sizes : tuple of (float, float) or None
+        With a material condition, for each feature the limits of its diameter that the model states, as deviations
+        from the diameter of the geometry, mm. None where it states none.
 
     Examples
     --------
@@ -114,6 +120,7 @@ class GeometricTolerance:
     features: tuple[tuple[Way, ...], ...] = ()
     feature_reasons: tuple[str | None, ...] = ()
     note: str = ""
+    sizes: tuple[tuple[float, float] | None, ...] = ()
 
     @property
     def frame(self) -> str:
@@ -137,6 +144,7 @@ class GeometricTolerance:
         values = asdict(self)
         for key in ("datums", "attached", "feature_reasons"):
             values[key] = list(values[key])
+        values["sizes"] = [None if size is None else list(size) for size in self.sizes]
         values["features"] = [[list(way) for way in ways] for ways in self.features]
         if self.entities is not None:
             values["entities"] = list(self.entities)
@@ -195,6 +203,7 @@ def list_tolerances(
     sight: Sight,
     rows: Sequence[dict[str, Any]],
     datums: Mapping[str, Sequence[Any]],
+    dimensions: Sequence[ModelDimension] = (),
 ) -> tuple[GeometricTolerance, ...]:
     """Return the geometric tolerances of a file in its order.
 
@@ -208,8 +217,13 @@ def list_tolerances(
         See `semantic_dimensions.describe_tolerances`.
     datums : mapping of str to sequence of dict
         The shapes of each datum, by its letter.
+    dimensions : sequence of ModelDimension
+        The dimensions of the file, among them the sizes of holes and pins.
     """
-    of_datums = {letter: attachments.features(shapes) for letter, shapes in datums.items()}
+    of_datums: dict[str, list[Feature] | None] = {}
+    for letter, shapes in datums.items():
+        has_targets = any(shape["kind"] == "target" for shape in shapes)
+        of_datums[letter] = None if has_targets else attachments.features(shapes)
     titles = [row["name"] or f"{row['characteristic']} {k}" for k, row in enumerate(rows, 1)]
     tolerances = []
     for row, name in zip(rows, unique_names(titles), strict=True):
@@ -229,6 +243,9 @@ def list_tolerances(
             if not any(ways):
                 reason = reasons[0]
         measured = reason is None
+        sizes: tuple[tuple[float, float] | None, ...] = ()
+        if measured and row["material"]:
+            sizes = tuple(_size_of(choices, dimensions) for choices in ways)
         tolerances.append(
             GeometricTolerance(
                 name,
@@ -244,10 +261,30 @@ def list_tolerances(
                 next((found_ways[0] for found_ways in ways if found_ways), None),
                 tuple(map(tuple, ways)) if measured else (),
                 tuple(reasons) if measured else (),
-                _note(row),
+                _note(row, sizes),
+                sizes,
             )
         )
     return tuple(tolerances)
+
+
+def _size_of(
+    ways: Sequence[Way], dimensions: Sequence[ModelDimension]
+) -> tuple[float, float] | None:
+    """Return the limits of the diameter of a hole or pin that a model states, from the value of its geometry."""
+    rims = {way[0] for way in ways}
+    for dimension in dimensions:
+        factor = _TO_DIAMETER.get(dimension.kind)
+        if factor is None or dimension.tolerance is None:
+            continue
+        on_rims = any(
+            way[0] in rims for choices in dimension.features for way in choices if len(way) == 1
+        )
+        if on_rims and dimension.nominal is not None and dimension.geometry is not None:
+            apart = dimension.nominal - dimension.geometry
+            lower, upper = dimension.tolerance
+            return factor * (apart + lower), factor * (apart + upper)
+    return None
 
 
 class _NotShownError(Exception):
@@ -258,7 +295,7 @@ def _position_ways(
     sight: Sight,
     hole: Axis,
     letters: Sequence[str],
-    of_datums: Mapping[str, Sequence[Feature]],
+    of_datums: Mapping[str, Sequence[Feature] | None],
 ) -> list[Way]:
     """Return sets of a rim and the entities that show the datums in their order, best first.
 
@@ -271,14 +308,14 @@ def _position_ways(
     if not rims:
         raise _NotShownError("no sharp circular edge bounds this feature")
     ways = []
-    fault = _NotShownError("no edges show its datums")
+    faults = []
     for rim in rims[:_MOST_RIMS]:
         try:
             ways.append(_with_datums(sight, rim, letters, of_datums))
         except _NotShownError as error:
-            fault = error
+            faults.append(error)
     if not ways:
-        raise fault
+        raise faults[0]
     return ways
 
 
@@ -286,7 +323,7 @@ def _with_datums(
     sight: Sight,
     rim: Arc,
     letters: Sequence[str],
-    of_datums: Mapping[str, Sequence[Feature]],
+    of_datums: Mapping[str, Sequence[Feature] | None],
 ) -> Way:
     """Return a rim with the entities that show its datums."""
     way: list[EntityId] = [rim.id]
@@ -294,6 +331,8 @@ def _with_datums(
     n_shifts = 0
     for letter in letters:
         features = of_datums.get(letter.partition("(")[0], ())
+        if features is None:
+            raise _NotShownError(f"datum {letter} is stated by datum targets, not by a feature")
         if len(features) != 1:
             words = f"{len(features)} features" if features else "no feature"
             raise _NotShownError(f"the file attaches datum {letter} to {words}, not to one")
@@ -313,8 +352,9 @@ def _with_datums(
             n_shifts = min(2, n_shifts + 1)
         else:
             raise _NotShownError(f"the rim is inclined to datum {letter}")
-    if n_shifts < 2 or not fixed_turn:
-        raise _NotShownError("its datums leave a rotation or translation free")
+    # about a datum hole alone, the deviation along the radius counts
+    if n_shifts < 2:
+        raise _NotShownError("its datums leave a translation free")
     if not sight.together(rim, *(entity for entity in way[1:] if isinstance(entity, int))):
         raise _NotShownError("no direction shows its rim and the edges of its datums together")
     return tuple(way)
@@ -365,17 +405,15 @@ def _reason(row: dict[str, Any], features: Sequence[Feature]) -> str | None:
     return f"{kind}: {_NO_FRAME}"
 
 
-def _note(row: dict[str, Any]) -> str:
+def _note(row: dict[str, Any], sizes: Sequence[Any]) -> str:
     """Return what of a tolerance was not read."""
     if row["zone_mm"] is None:
         return "its zone could not be read"
     if row["unread"]:
         items = "1 item" if row["unread"] == 1 else f"{row['unread']} items"
         return f"{items} that it is attached to could not be read"
-    if row["material"]:
-        return (
-            f"({row['material']}) widens its zone by a bonus, which is not used: this is stricter"
-        )
+    if row["material"] and not (sizes and all(sizes)):
+        return f"the model states no limits of size for ({row['material']}), so no bonus is used: this is stricter"
     if row["per_unit"]:
         return "it holds for each unit of length or area"
     return ""

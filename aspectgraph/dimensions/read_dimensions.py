@@ -165,10 +165,15 @@ def read_requirements(
     ):
         answer, _ = kernel.ask("dimensions", path=str(plain.absolute()), name=Path(path).name)
     reader = _Reader(solid, agreement_mm, agreement_deg)
+    dimensions = _listed_dimensions(reader, answer)
     return ModelRequirements(
-        _listed_dimensions(reader, answer),
+        dimensions,
         list_tolerances(
-            reader.attachments, reader.measurer.sight, answer["tolerances"], answer["datums"]
+            reader.attachments,
+            reader.measurer.sight,
+            answer["tolerances"],
+            answer["datums"],
+            dimensions,
         ),
         tuple(answer["disagreements"]),
     )

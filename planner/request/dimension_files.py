@@ -618,7 +618,14 @@ def _positions(
         if not ways:
             result.append((name, reason or ""))
             continue
-        choices = [Dimension.position(way[0], way[1:], stated.zone_mm, share=share) for way in ways]
+        of_size: dict[str, Any] = {}
+        size = stated.sizes[k - 1] if stated.sizes else None
+        if size is not None:
+            of_size = {"material": stated.material, "size": size}
+        choices = [
+            Dimension.position(way[0], way[1:], stated.zone_mm, share=share, **of_size)
+            for way in ways
+        ]
         result.append((name, Dimension.any_of(choices)))
     if one_per_pattern:
         return [item for item in result if isinstance(item[1], Dimension)][:1] or result[:1]
