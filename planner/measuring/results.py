@@ -38,7 +38,7 @@ from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import NumberOrNull, Registered
 from planner.measuring.response import ResponseRecord
-from planner.request.dimension import POSITION, MaterialCondition, plain_tolerance
+from planner.request.dimension import POSITIONS, MaterialCondition, plain_tolerance, zone_text
 from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState
 from planner.request.targets import Target
 from planner.request.words import tolerance_text
@@ -88,9 +88,9 @@ def decimals_of(uncertainty: float) -> int:
 
 def nominal_text(result: Result) -> str:
     """Return the nominal value with its unit and tolerance; of a position its zone, with the bonus."""
-    if result.kind == POSITION and result.tolerance is not None:
+    if result.kind in POSITIONS and result.tolerance is not None:
         bonus = f" + {result.bonus_mm:.3g} bonus" if math.isfinite(result.bonus_mm) else ""
-        return f"⌀{result.tolerance[1]:.6g}{bonus} {result.unit}"
+        return f"{zone_text(result.kind, result.tolerance[1])}{bonus} {result.unit}"
     tolerance = "" if result.tolerance is None else f" {tolerance_text(result.tolerance)}"
     return f"{result.nominal:.6g} {result.unit}{tolerance}"
 
@@ -411,7 +411,7 @@ def _position_result(
         bonus_mm = max(0.0, bonus.surplus_mm)
         condition = target.material.condition if target.material is not None else ""
         notes.append(
-            f"bonus {bonus_mm:.4f} mm by ({condition}): the diameter is {best.size_mm:.4f} mm, "
+            f"bonus {bonus_mm:.4f} mm by ({condition}): the size is {best.size_mm:.4f} mm, "
             f"U = {COVERAGE * bonus.u_mm:.2g} mm"
         )
     if len(good) > 1:

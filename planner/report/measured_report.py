@@ -31,7 +31,7 @@ from planner.measuring.results import (
 )
 from planner.measuring.samples import STATE_TEXTS, State
 from planner.report.tables import CellLine
-from planner.request.dimension import POSITION
+from planner.request.dimension import POSITIONS
 from planner.request.edge_state import TYPICAL_BREAK_MM
 from planner.text_table import Column, Table, print_table, print_text, words
 
@@ -244,7 +244,7 @@ def residual_plot(points: NDArray[np.void], title: str) -> Residuals:
 
 def value_bar(result: Result, rule: DecisionRule) -> ValueBar | None:
     """Return a value with its U in the tolerance; None without both, or of a position, which is decided in a disc."""
-    if not result.measured or result.tolerance is None or result.kind == POSITION:
+    if not result.measured or result.tolerance is None or result.kind in POSITIONS:
         return None
     lower, upper = result.tolerance
     expanded = result.expanded_uncertainty
@@ -503,7 +503,7 @@ def _accepted_text(result: Result) -> str:
     """Return the deviations that the rule accepts with this uncertainty; nothing without a tolerance."""
     if not result.measured or result.tolerance is None:
         return ""
-    if result.kind == POSITION:
+    if result.kind in POSITIONS:
         return "decided in a disc"
     if result.accepted is None:
         return "none: u is too large"

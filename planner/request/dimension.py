@@ -118,7 +118,15 @@ def check_side(tolerance_class: str, solid: Solid, arcs: Sequence[Arc]) -> None:
 
 
 POSITION = "position"
-"""The kind of a dimension that is a position: its value is twice a deviation, so its nominal value is 0."""
+"""The kind of a dimension that is the position of a rim."""
+
+WIDTH_POSITION = "width_position"
+"""That of a slot or tab, by its two edges."""
+
+POSITIONS = (POSITION, WIDTH_POSITION, "symmetry", "coaxiality")
+"""Kinds whose value is twice a deviation from a true place, so that the nominal value is 0."""
+
+_WIDTHS = (WIDTH_POSITION, "symmetry")
 
 
 @dataclass(frozen=True)
@@ -273,6 +281,9 @@ class Dimension:
     size : (float, float), optional
         Lower and upper deviation of the diameter of the hole or pin, mm, or a class such as
         ``"H7"``. The diameter is measured with the position, on the same rim.
+    groups : tuple of int
+        Of a position, the number of entities of each datum: 2 of a slot, otherwise 1. Entities after
+        these are the other rims of its pattern. Empty if each datum has one, and there is no pattern.
 
     Raises
     ------
@@ -306,6 +317,7 @@ class Dimension:
     edge_break_mm: tuple[float, float] | None = None
     material: str = ""
     size: tuple[float, float] | str | None = None
+    groups: tuple[int, ...] = ()
 
     __repr__ = short_repr
 
@@ -346,7 +358,7 @@ class Dimension:
         """Check the material condition of a position, and the limits of its size."""
         if not self.material and self.size is None:
             return
-        if self.kind != POSITION:
+        if self.kind not in POSITIONS:
             got = f"{self.material or self.size!r} for a {self.kind.replace('_', ' ')}"
             raise RequestError.of_rule("material and size", "must be those of a position", got)
         if self.material not in MATERIAL_CONDITIONS:
@@ -526,19 +538,27 @@ class Dimension:
 
     @classmethod
     def position(
-        cls, rim: Target, datums: Sequence[Target], zone_mm: float, **requirement: Any
+        cls,
+        rim: Target,
+        datums: Sequence[Target],
+        zone_mm: float,
+        *,
+        pattern: Sequence[Target] = (),
+        **requirement: Any,
     ) -> Dimension:
-        """Return the position of a hole or pin against datums, in the plane of its rim.
+        """Return the position of a hole, pin or slot against datums, in the plane of its rim.
 
         Parameters
         ----------
         rim : Target
-            The rim, or its id (``"r3"``).
+            The rim, or its id (``"r3"``). Of a slot or tab, a list of its two edges.
         datums : sequence of Target
             Entities that show the datums, in the order of the drawing. An edge shows a plane across, a rim a hole or
-            pin. Leave out a datum that is parallel to the plane of the rim.
+            pin, a list of two edges a slot or tab. Leave out a datum that is parallel to the plane of the rim.
         zone_mm : float
-            Diameter of the zone, mm.
+            Diameter of the zone, mm; of a slot its width.
+        pattern : sequence of Target
+            The other rims of a pattern, all in one image. What the datums leave free is fitted to all rims.
         **requirement
             As for `Dimension`: ``share``, ``surfaces_mm``, or ``material`` with ``size``. The error
             of the position must stay in a disc, whose radius is the share of half of the zone.
@@ -560,12 +580,110 @@ class Dimension:
         >>> bolt.entities, bolt.tolerance, bolt.permitted_error(0.0)
         (('r3', 17, 18), (0.0, 0.2), 0.05)
         """
+        kind = WIDTH_POSITION if _is_pair(rim) else POSITION
+        return cls._placed(kind, rim, datums, zone_mm, pattern, requirement)
+
+    @classmethod
+    def symmetry(
+        cls, edges: Sequence[Target], datum: Sequence[Target], zone_mm: float, **requirement: Any
+    ) -> Dimension:
+        """Return the symmetry of a slot or tab to another one.
+
+        Parameters
+        ----------
+        edges : sequence of two Target
+            The edges of the slot or tab, parallel, in one plane.
+        datum : sequence of two Target
+            Those of the slot or tab that is the datum.
+        zone_mm : float
+            Width of the zone, mm.
+        **requirement
+            As for `position`.
+
+        Returns
+        -------
+        Dimension
+            Twice the distance of the mid-lines, in the middle of the first one.
+
+        Raises
+        ------
+        RequestError
+            If the zone or a requirement breaks its rule.
+
+        Examples
+        --------
+        >>> from planner import Dimension
+        >>> Dimension.symmetry([17, 18], [3, 4], 0.1).entities
+        (17, 18, 3, 4)
+        """
+        if not _is_pair(edges) or not _is_pair(datum):
+            rule = "must be two edges each"
+            raise RequestError.of_rule("edges and datum", rule, f"{edges!r} and {datum!r}")
+        return cls._placed("symmetry", edges, [datum], zone_mm, (), requirement)
+
+    @classmethod
+    def coaxiality(
+        cls, rim: Target, datum: Target, zone_mm: float, **requirement: Any
+    ) -> Dimension:
+        """Return the coaxiality of two circles in parallel planes, in the plane of the first one.
+
+        Parameters
+        ----------
+        rim, datum : Target
+            The rims. Concentricity of circles is the same value.
+        zone_mm : float
+            Diameter of the zone, mm.
+        **requirement
+            As for `position`.
+
+        Returns
+        -------
+        Dimension
+            Twice the distance of the axes. It is measured in the planes of the rims, and does not show how the axes
+            lean.
+
+        Raises
+        ------
+        RequestError
+            If the zone or a requirement breaks its rule.
+
+        Examples
+        --------
+        >>> from planner import Dimension
+        >>> Dimension.coaxiality("r3", "r1", 0.1).permitted_error(0.0)
+        0.025
+        """
+        return cls._placed("coaxiality", rim, [datum], zone_mm, (), requirement)
+
+    @classmethod
+    def _placed(
+        cls,
+        kind: str,
+        first: Target,
+        datums: Sequence[Target],
+        zone_mm: float,
+        pattern: Sequence[Target],
+        requirement: dict[str, Any],
+    ) -> Dimension:
+        """Return what has a place in a frame of datums."""
         check_number("zone_mm", zone_mm, _POSITIVE)
-        if rim in list(datums) or len(set(map(str, datums))) < len(list(datums)):
+        items = [first] if kind not in _WIDTHS else list(first)
+        groups = tuple(2 if _is_pair(datum) else 1 for datum in datums)
+        entities = list(items)
+        for datum, n in zip(datums, groups, strict=True):
+            entities += [datum] if n == 1 else list(datum)
+        entities += pattern
+        if len(set(map(str, entities))) < len(entities):
             rule = "must differ from the rim and from each other"
-            raise RequestError.of_rule("datums", rule, f"{list(datums)} for {rim!r}")
-        stated = _in_mm(requirement)
-        return cls(POSITION, (rim, *datums), tolerance=(0.0, float(zone_mm)), **stated)
+            raise RequestError.of_rule("datums", rule, f"{list(datums)} for {first!r}")
+        usual = not pattern and (set(groups) <= {1} or kind == "symmetry")
+        return cls(
+            kind,
+            tuple(entities),
+            tolerance=(0.0, float(zone_mm)),
+            groups=() if usual else groups,
+            **_in_mm(requirement),
+        )
 
     @classmethod
     def any_of(cls, dimensions: Sequence[Dimension]) -> Dimension:
@@ -683,12 +801,24 @@ class Dimension:
             got = "none" if self.tolerance is None else "a tolerance with one limit"
             rule = "needs a tolerance, max_error or accuracy"
             raise RequestError(f"a {self.kind} {rule}. Got {got}.")
-        if error >= nominal and dimension.kind != POSITION:
+        if error >= nominal and dimension.kind not in POSITIONS:
             raise RequestError(
                 f"the permitted error of a {self.kind} must be smaller than its nominal value {nominal:.6g}. "
                 f"Got {error:.6g}."
             )
         return error
+
+
+def _is_pair(target: Target) -> bool:
+    """Return whether a target is the two edges of a slot, and not the two end points of one edge."""
+    if not isinstance(target, list | tuple) or len(target) != 2:
+        return False
+    return not all(hasattr(end, "__len__") and len(end) == 3 for end in target)
+
+
+def zone_text(kind: str, zone_mm: float) -> str:
+    """Return the zone of a position, such as ⌀0.2; of a slot its width."""
+    return f"{'' if kind in _WIDTHS else '⌀'}{zone_mm:.6g}"
 
 
 def _in_mm(requirement: dict[str, Any]) -> dict[str, Any]:
@@ -719,7 +849,7 @@ def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
 def half_width(kind: str, tolerance: tuple[float, float]) -> float:
     """Return half of the width of a tolerance; of a position, which is twice a deviation, the whole zone."""
     width = tolerance[1] - tolerance[0]
-    if kind == POSITION:
+    if kind in POSITIONS:
         return width
     return width / 2
 

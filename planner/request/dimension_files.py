@@ -20,7 +20,7 @@ from errors.exceptions import InvalidParameterError
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX, Localisation
 from planner.argument_kinds import POSITIVE, check_kinds, check_number, shown
 from planner.exceptions import RequestError
-from planner.request.dimension import POSITION, QUARTER, Dimension
+from planner.request.dimension import POSITIONS, QUARTER, Dimension
 from planner.request.words import characteristic_name
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ PARALLEL = "parallel"
 
 _OPTIONS = (
     *("tolerance", "max_error", "accuracy", "share", "direction", "places", "unit", "any"),
-    *("edge_break_mm", "zone", "datums", "material", "size"),
+    *("edge_break_mm", "zone", "datums", "pattern", "material", "size"),
 )
 # in the unit of the values, mm or degrees
 _UNITS = {"mm": 1.0, "um": 1e-3, "in": 25.4, "deg": 1.0, "rad": 57.29577951308232}
@@ -183,7 +183,9 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
     A distance may be asked for at ``places`` along its edges: ``step = { distance = [17, 18], places = 3 }``.
     A position has a zone and datums, which a table ``datums`` may name:
     ``bolt = { position = "r3", zone = 0.2, datums = [17, 18] }``. With ``material = "M"`` or ``"L"``, ``size`` names
-    the diameter of the file that has the limits, or states its deviations or class.
+    the diameter of the file that has the limits, or states its deviations or class. A slot is its two edges,
+    ``slot = { position = [17, 18], zone = 0.1, datums = ["r4", [3, 4]] }``, and ``pattern`` holds the other rims of a
+    pattern, to which the rest that datums leave free is fitted. ``symmetry`` takes two edges, ``coaxiality`` a rim.
     ``edge_break_mm = [0.1, 0.3]`` states by how much the edges of the dimension are broken, in mm whatever the unit.
 
     Parameters
@@ -242,11 +244,17 @@ def _with_datums(value: Any, named: Mapping[str, Any]) -> Any:
     datums = []
     for datum in value["datums"]:
         is_name = isinstance(datum, str) and not re.fullmatch(r"[era]\d+.*", datum)
+        if isinstance(datum, list) and not _is_end_points(datum):
+            datums.append(list(map(_edge_number, datum)))
+            continue
         if is_name and datum not in named and datum != PARALLEL:
             listed = ", ".join(map(repr, named)) or "empty"
             rule = f"must name entities, or a name in the table datums, which has {listed}"
             raise RequestError.of_rule("datums", rule, repr(datum))
-        datums.append(_edge_number(named.get(datum, datum) if is_name else datum))
+        shown_by = named.get(datum, datum) if is_name else datum
+        if isinstance(shown_by, list) and not _is_end_points(shown_by):
+            shown_by = list(map(_edge_number, shown_by))
+        datums.append(_edge_number(shown_by))
     return {**value, "datums": [datum for datum in datums if datum != PARALLEL]}
 
 
@@ -297,15 +305,16 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
     units = [name for name in _UNITS if (name in _ANGLES) == (kind == "angle")]
     if unit not in units:
         raise RequestError.of_rule("unit", f"must be one of {', '.join(units)}", repr(unit))
-    apart = ("unit", "any", "zone", "datums", "material", "size")
+    apart = ("unit", "any", "zone", "datums", "pattern", "material", "size")
     options = {key: value[key] for key in _OPTIONS if key in value and key not in apart}
     factor = _UNITS[unit]
-    if kind == POSITION:
-        return _position(entities, value, options, factor)
-    if "zone" in value or "datums" in value:
-        raise RequestError(f"zone and datums must be those of a position. Got them for a {kind}.")
-    if "material" in value or "size" in value:
-        raise RequestError(f"material and size must be those of a position. Got them for a {kind}.")
+    if kind in POSITIONS:
+        return _position(kind, entities, value, options, factor)
+    for names in (("zone", "datums"), ("material", "size")):
+        if any(name in value for name in names):
+            raise RequestError(
+                f"{' and '.join(names)} must be those of a position. Got them for a {kind}."
+            )
     if isinstance(options.get("tolerance"), Mapping):
         options["tolerance"] = _limits(options["tolerance"])
     if isinstance(options.get("tolerance"), list):
@@ -323,13 +332,16 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
 
 
 def _position(
-    rim: Any, value: Mapping[str, Any], options: dict[str, Any], factor: float
+    kind: str, first: Any, value: Mapping[str, Any], options: dict[str, Any], factor: float
 ) -> Dimension:
     """Return the position that a table states."""
     if "tolerance" in options:
-        raise RequestError("a position must have a zone instead of a tolerance. Got a tolerance.")
+        raise RequestError(f"a {kind} must have a zone instead of a tolerance. Got a tolerance.")
     datums = value.get("datums")
-    if not isinstance(datums, list) or not datums:
+    pattern = value.get("pattern", [])
+    if not isinstance(pattern, list):
+        raise RequestError.of_rule("pattern", "must be a list of rims", repr(pattern))
+    if not isinstance(datums, list) or not (datums or pattern):
         raise RequestError.of_rule("datums", "must be a list of one entity at least", repr(datums))
     edge_break_mm = options.pop("edge_break_mm", None)
     zone_mm = _scaled(value.get("zone"), factor)
@@ -339,7 +351,14 @@ def _position(
     options["size"] = value.get("size")
     if isinstance(options["size"], list):
         options["size"] = tuple(_scaled(limit, factor) for limit in options["size"])
-    position = Dimension.position(rim, datums, zone_mm, **options)
+    if isinstance(first, list) and not _is_end_points(first):
+        first = list(map(_edge_number, first))
+    if kind in ("symmetry", "coaxiality"):
+        if len(datums) != 1 or pattern:
+            raise RequestError.of_rule("datums", f"must be one of a {kind}", repr(datums))
+        position = getattr(Dimension, kind)(first, datums[0], zone_mm, **options)
+    else:
+        position = Dimension.position(first, datums, zone_mm, pattern=pattern, **options)
     return replace(position, edge_break_mm=edge_break_mm)
 
 

@@ -53,9 +53,14 @@ class WitnessRecord:
         """Return the record of a witness."""
         return cls(witness.records, witness.geometry)
 
-    def witness(self, kind: str, direction: tuple[float, float, float] | None = None) -> Witness:
+    def witness(
+        self,
+        kind: str,
+        direction: tuple[float, float, float] | None = None,
+        groups: tuple[int, ...] = (),
+    ) -> Witness:
         """Return the witness of a target of a kind."""
-        return Witness(self.entities, measurand(kind, self.geometry, direction))
+        return Witness(self.entities, measurand(kind, self.geometry, direction, groups))
 
 
 _Witnesses = Annotated[
@@ -109,6 +114,7 @@ class DimensionRecord:
     surfaces_from: str
     edge_break_mm: Break | None = None
     material: MaterialCondition | None = None
+    groups: tuple[Annotated[int, Meta(ge=1, le=2)], ...] = ()
 
     def __post_init__(self) -> None:
         if self.edge_break_mm is not None:
@@ -131,13 +137,14 @@ class DimensionRecord:
             target.surfaces_from,
             target.edge_break_mm,
             target.material,
+            target.groups,
         )
 
     def target(self, name: str) -> PlannedDimension:
         """Return the target under its name."""
         target = PlannedDimension(
             name,
-            tuple(item.witness(self.kind, self.direction) for item in self.witnesses),
+            tuple(item.witness(self.kind, self.direction, self.groups) for item in self.witnesses),
             self.kind,
             self.permitted_error,
             None if self.tolerance is None else checked_tolerance(self.tolerance),
@@ -148,6 +155,7 @@ class DimensionRecord:
             self.surfaces_from,
             self.edge_break_mm,
             self.material,
+            self.groups,
         )
         nominal = target.nominal
         if abs(nominal - self.nominal) > _SAME_NOMINAL * max(1.0, abs(nominal)):
