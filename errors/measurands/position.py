@@ -515,7 +515,8 @@ class Position(Measurand):
         datums = []
         start = 0
         for n in groups:
-            datums.append(_item(rest[start : start + n]))
+            # a pattern without datums states one of no entities
+            datums += [_item(rest[start : start + n])] * bool(n)
             start += n
         return first, datums, pattern
 

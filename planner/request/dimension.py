@@ -283,7 +283,8 @@ class Dimension:
         ``"H7"``. The diameter is measured with the position, on the same rim.
     groups : tuple of int
         Of a position, the number of entities of each datum: 2 of a slot, otherwise 1. Entities after
-        these are the other rims of its pattern. Empty if each datum has one, and there is no pattern.
+        these are the other rims of its pattern, (0,) without a datum. Empty if each datum has one, and
+        there is no pattern.
 
     Raises
     ------
@@ -681,7 +682,7 @@ class Dimension:
             kind,
             tuple(entities),
             tolerance=(0.0, float(zone_mm)),
-            groups=() if usual else groups,
+            groups=() if usual else groups or (0,),
             **_in_mm(requirement),
         )
 

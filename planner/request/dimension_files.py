@@ -20,7 +20,7 @@ from errors.exceptions import InvalidParameterError
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX, Localisation
 from planner.argument_kinds import POSITIVE, check_kinds, check_number, shown
 from planner.exceptions import RequestError
-from planner.request.dimension import POSITIONS, QUARTER, Dimension
+from planner.request.dimension import POSITION, POSITIONS, QUARTER, Dimension
 from planner.request.words import characteristic_name
 
 if TYPE_CHECKING:
@@ -641,11 +641,17 @@ def _positions(
         size = stated.sizes[k - 1] if stated.sizes else None
         if size is not None:
             of_size = {"material": stated.material, "size": size}
-        choices = [
-            Dimension.position(way[0], way[1:], stated.zone_mm, share=share, **of_size)
-            for way in ways
-        ]
-        result.append((name, Dimension.any_of(choices)))
+        first, *others = ways
+        item = Dimension(
+            stated.measured_as or POSITION,
+            first,
+            tolerance=(0.0, stated.zone_mm),
+            share=share,
+            alternatives=tuple(others),
+            groups=stated.groups,
+            **of_size,
+        )
+        result.append((name, item))
     if one_per_pattern:
         return [item for item in result if isinstance(item[1], Dimension)][:1] or result[:1]
     return result
