@@ -1,8 +1,8 @@
 """Which rims and edges show a hole, pin, slot or tab, and the datums of its position, in the plane of its rim.
 
-Datums are taken in their order. Each fixes what is still free of a rotation and two translations: a plane across, seen
-as an edge, the rotation and the translation across it; a hole or pin, seen as its rim, both translations, and then the
-rotation; a slot or tab the same as a plane, by its two edges. A plane that is parallel to that of the rim fixes nothing.
+Datums are taken in their order. Each fixes what is still free of a rotation and two translations. A plane across, seen
+as an edge, fixes the rotation and the translation across it, and so does a slot by its two edges. A hole or pin, seen
+as its rim, fixes both translations, or then the rotation. A plane that is parallel to that of the rim fixes nothing.
 
 Reference: ISO 5459 and ASME Y14.5, datum reference frames.
 """
@@ -136,21 +136,21 @@ def seats_of_slot(sight: Sight, planes: Sequence[Plane]) -> list[Seat]:
     if not parallel(first.normal, second.normal):
         raise NotShownError("its faces are not parallel")
     pairs = []
-    for one in first.edges:
+    for edge in first.edges:
         for other in second.edges:
-            seat = _pair(sight, one, other, first.normal)
+            seat = _pair(sight, edge, other, first.normal)
             if seat is not None and sight.together(*seat.shown_by):
-                length = min(sight.length_mm(one), sight.length_mm(other))
-                pairs.append(((-length, one, other), seat))
+                length = min(sight.length_mm(edge), sight.length_mm(other))
+                pairs.append(((-length, edge, other), seat))
     if not pairs:
         raise NotShownError("no two edges in one plane show this width")
     pairs.sort(key=lambda pair: pair[0])
     return [seat for _, seat in pairs[:_MOST_SEATS]]
 
 
-def _pair(sight: Sight, one: int, other: int, normal: FloatArray) -> Seat | None:
+def _pair(sight: Sight, edge: int, other: int, normal: FloatArray) -> Seat | None:
     """Return the seat of two edges that are parallel, face each other, and lie across the walls' normal."""
-    ends = [sight.solid.edge_points(edge) for edge in (one, other)]
+    ends = [sight.solid.edge_points(number) for number in (edge, other)]
     along, direction = ((pair[1] - pair[0]) / np.linalg.norm(pair[1] - pair[0]) for pair in ends)
     if not parallel(along, direction):
         return None
@@ -162,7 +162,7 @@ def _pair(sight: Sight, one: int, other: int, normal: FloatArray) -> Seat | None
     if min(reach[0][1], reach[1][1]) <= max(reach[0][0], reach[1][0]):
         return None
     apart = float((ends[1].mean(axis=0) - middle) @ normal)
-    return Seat(axis, middle, (one, other), np.sign(apart) * normal)
+    return Seat(axis, middle, (edge, other), np.sign(apart) * normal)
 
 
 class DatumFrame:

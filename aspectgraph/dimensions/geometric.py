@@ -90,8 +90,8 @@ class GeometricTolerance:
     note : str
         Sentence on what could not be read; empty if there is none.
     sizes : tuple of (float, float) or None
-        With a material condition, for each feature the limits of its diameter that the model states, as deviations
-        from the diameter of the geometry, mm. None where it states none.
+        With a material condition, for each feature the limits of its size that the model states. They are deviations
+        from the size of the geometry, mm. None where the model states none.
     measured_as : str
         Kind of the dimension that measures it: "position", "width_position" (of a slot or tab), "symmetry" or
         "coaxiality"; empty if none does.
@@ -179,7 +179,7 @@ class ModelRequirements:
     >>> from aspectgraph import read_requirements, read_solid
     >>> part = "examples/nist_ctc_01_ap242.stp"
     >>> read_requirements(part, read_solid(part))
-    <ModelRequirements: 12 dimensions, 6 geometric tolerances, 12 measurable>
+    <ModelRequirements: 12 dimensions, 6 geometric tolerances, 14 measurable>
     """
 
     dimensions: tuple[ModelDimension, ...] = ()

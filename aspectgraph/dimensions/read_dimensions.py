@@ -147,7 +147,7 @@ def read_requirements(
     >>> part = "examples/nist_ctc_01_ap242.stp"
     >>> stated = read_requirements(part, read_solid(part))
     >>> len(stated), len(stated.dimensions), len(stated.tolerances), stated.n_measurable
-    (18, 12, 6, 12)
+    (18, 12, 6, 14)
     """
     check_solid(solid)
     for label, value in (("agreement_mm", agreement_mm), ("agreement_deg", agreement_deg)):

@@ -503,25 +503,25 @@ class Position(Measurand):
     ) -> tuple[Circle | Slot, list[Datum], list[Circle]]:
         """Return what has the position, its datums, and the other rims of its pattern."""
         first = _item(geometry[: self.n_first])
-        rest = geometry[self.n_first :]
-        groups = self.groups or self._usual_groups(rest)
+        others = geometry[self.n_first :]
+        groups = self.groups or self._usual_groups(others)
         n_datums = sum(groups)
-        pattern = [shape for shape in rest[n_datums:] if isinstance(shape, Circle)]
-        if n_datums > len(rest) or len(pattern) < len(rest) - n_datums:
+        pattern = [shape for shape in others[n_datums:] if isinstance(shape, Circle)]
+        if n_datums > len(others) or len(pattern) < len(others) - n_datums:
             raise MeasurandError(
                 f"groups must count the entities of the datums, and a pattern must be one of rims. Got {groups} "
-                f"for {len(rest)} entities after the first."
+                f"for {len(others)} entities after the first."
             )
         datums = []
         start = 0
         for n in groups:
             # a pattern without datums states one of no entities
-            datums += [_item(rest[start : start + n])] * bool(n)
+            datums += [_item(others[start : start + n])] * bool(n)
             start += n
         return first, datums, pattern
 
-    def _usual_groups(self, rest: Sequence[Geometry]) -> tuple[int, ...]:
-        return (1,) * len(rest)
+    def _usual_groups(self, others: Sequence[Geometry]) -> tuple[int, ...]:
+        return (1,) * len(others)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**super().__getstate__(), "groups": self.groups}
@@ -600,8 +600,8 @@ class WidthPosition(Position):
 class Symmetry(WidthPosition):
     """Symmetry 2|e| of a slot or tab, mm: how far its mid-line is off that of the datum's slot or tab."""
 
-    def _usual_groups(self, rest: Sequence[Geometry]) -> tuple[int, ...]:
-        return (2,) if len(rest) == 2 else super()._usual_groups(rest)
+    def _usual_groups(self, others: Sequence[Geometry]) -> tuple[int, ...]:
+        return (2,) if len(others) == 2 else super()._usual_groups(others)
 
 
 @kind("coaxiality")

@@ -31,6 +31,7 @@ from planner.identity import PartRecord
 from planner.light.light_plan import beside, irradiance
 from planner.measuring.advice import advice_of_images, advised, with_advice
 from planner.measuring.images import WELL_EXPOSED, ImageSet, Picture, Shot, read_images, shots_of
+from planner.measuring.merging import joined_ends, merged, weights_of
 from planner.measuring.part_posterior import KnownImage, PartPosterior
 from planner.measuring.reading import (
     Reading,
@@ -49,9 +50,6 @@ from planner.measuring.results import (
     Source,
     break_shifts,
     edges_text,
-    joined_ends,
-    merged,
-    weights_of,
 )
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartEdge, PartModel
 from planner.measuring.seen_breaks import seen_break, seen_notes

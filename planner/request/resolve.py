@@ -487,7 +487,7 @@ def _material(
     in_hole = _is_inside(solid, ways[0], curves)
     if in_hole is None:
         raise RequestError.of_rule(
-            "material", "must be that of a hole, slot or pin, whose walls tell which", first.name
+            "material", "must be that of a hole, slot or pin, by its walls", first.name
         )
     deviations = dimension.size
     if isinstance(deviations, str):
@@ -500,7 +500,7 @@ def _material(
 def _is_inside(
     solid: Solid, way: Sequence[Entity], curves: Mapping[tuple[int, ...], Arc]
 ) -> bool | None:
-    """Return whether a rim is that of a hole, or two edges those of a slot; None if the walls do not tell."""
+    """Return whether a rim is that of a hole, or two edges those of a slot; None if the walls do not show it."""
     from aspectgraph.dimensions.tolerances import WALL, is_in_hole
 
     first = way[0]

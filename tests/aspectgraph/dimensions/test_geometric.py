@@ -87,15 +87,25 @@ def test_text_and_kernel_agree_in_any_order_or_say_what_one_lacks():
 
 def test_every_tolerance_of_a_part_is_listed_with_a_reason():
     pytest.importorskip("OCP")
-    stated = read_requirements(EXAMPLE, read_solid(EXAMPLE))
+    part = read_solid(EXAMPLE)
+    stated = read_requirements(EXAMPLE, part)
     # all words of the file that end so are types of tolerances
     words = re.findall(r"([A-Z_]+)_TOLERANCE\s*\(", EXAMPLE.read_text())
     assert len(stated.tolerances) == len([w for w in words if w not in ("PLUS_MINUS", "GEOMETRIC")])
-    assert all(one.reason for one in stated.tolerances)
     assert not stated.disagreements
-    assert [one.to_dict()["entities"] for one in stated if one not in stated.dimensions] == [
-        None
-    ] * 6
+    # the two slots have positions, the rest is seen by no edge
+    slots = [one for one in stated.tolerances if one.reason is None]
+    assert [one.name for one in slots] == ["Position.1", "Position.2"]
+    assert all(one.reason for one in stated.tolerances if one not in slots)
+    # on the drawing they are 85 and 50 mm wide
+    for one, width in zip(slots, (85.0, 50.0), strict=True):
+        assert one.measured_as == "width_position"
+        first, second = (part.edge_points(edge) for edge in one.entities[:2])
+        apart = second.mean(axis=0) - first.mean(axis=0)
+        assert np.linalg.norm(np.cross(apart, first[1] - first[0])) == pytest.approx(
+            width * np.linalg.norm(first[1] - first[0])
+        )
+        assert one.to_dict()["entities"] == list(one.entities)
 
 
 def test_a_datum_has_its_faces_itself_or_by_its_feature_or_has_targets():
