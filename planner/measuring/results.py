@@ -605,6 +605,7 @@ _WITH_UNIT = frozenset(
     )
 )
 # shares and pixels
+_NOMINAL_DECIMALS = 5
 _DECIMALS_OF = {"P_conforms": 6, "found": 3, "rms_px": 4, "overexposed": 4}
 
 
@@ -931,6 +932,9 @@ def _rounded_row(row: Mapping[str, Any]) -> dict[str, Any]:
             continue
         if name in ("value", "deviation", "u", "U", "interval_from", "interval_to", "bonus"):
             rounded[name] = round(value, decimals + (name == "u"))
+        elif name == "nominal":
+            # a double's last digits are no drawing's
+            rounded[name] = round(value, max(decimals + 2, _NOMINAL_DECIMALS))
         elif name.startswith("u_"):
             rounded[name] = round(value, decimals + 1)
         elif name in _DECIMALS_OF:
