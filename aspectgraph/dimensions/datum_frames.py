@@ -70,7 +70,7 @@ class Seat:
     @property
     def ids(self) -> Way:
         """Ids of its entities."""
-        return tuple(part.id if isinstance(part, Arc) else part for part in self.shown_by)
+        return tuple(map(_id_of, self.shown_by))
 
     def depth_mm(self, point: FloatArray) -> float:
         """Return how far a point is from its plane."""
@@ -165,6 +165,12 @@ def _pair(sight: Sight, edge: int, other: int, normal: FloatArray) -> Seat | Non
     return Seat(axis, middle, (edge, other), np.sign(apart) * normal)
 
 
+def _id_of(part: int | Arc) -> EntityId:
+    if isinstance(part, Arc):
+        return part.id
+    return part
+
+
 class DatumFrame:
     """The datums of a tolerance.
 
@@ -207,7 +213,7 @@ class DatumFrame:
             if fixed_turn and len(across) == 2:
                 break
             parts = self._shown_by(seat, letter, datum)
-            way += [part.id if isinstance(part, Arc) else part for part in parts]
+            way += map(_id_of, parts)
             seen += parts
             groups.append(len(parts))
             if isinstance(datum, Axis):
@@ -235,7 +241,7 @@ class DatumFrame:
         if seat.across is not None:
             is_fixed = len(across) == 2 or any(parallel(normal, seat.across) for normal in across)
             if not fixed_turn or not is_fixed:
-                raise NotShownError("its datums leave the place across it free")
+                raise NotShownError("its datums leave the translation across it free")
             return
         # about a datum hole alone, the deviation along the radius counts
         if len(across) < 2:
@@ -255,7 +261,7 @@ class DatumFrame:
                 > _SAME_DEPTH_MM
             )
             if len(features) != 1 and not is_slot:
-                count = f"{len(features)} features" if features else "no feature"
+                count = f"{len(features) or 'no'} feature{'s' * (len(features) != 1)}"
                 raise NotShownError(f"the file attaches datum {letter} to {count}, not to one")
             datum = features[0]
             if planes and parallel(planes[0].normal, seat.axis):
@@ -271,12 +277,11 @@ class DatumFrame:
     def _shown_by(self, seat: Seat, letter: str, datum: Axis | list[Plane]) -> list[int | Arc]:
         """Return the rim, edge or edges that show a datum nearest to the plane of a seat."""
         if isinstance(datum, Axis):
-            circles = [
-                arc
-                for arc in datum.circles
-                if float(arc.axis @ seat.axis) > 0.0 or seat.across is not None
-            ]
-            circles = [arc for arc in circles if arc not in seat.shown_by]
+            circles = []
+            for arc in datum.circles:
+                same_side = float(arc.axis @ seat.axis) > 0.0 or seat.across is not None
+                if same_side and arc not in seat.shown_by:
+                    circles.append(arc)
             if not circles:
                 raise NotShownError(f"no rim on the same side shows datum {letter}")
             return [min(circles, key=lambda arc: seat.depth_mm(arc.centre))]

@@ -301,18 +301,23 @@ class _Measured:
 
 def _measured(characteristic: str, features: Sequence[Feature], frame: DatumFrame) -> _Measured:
     """Return how the place of holes and pins, or of a slot, is measured."""
-    holes = [feature for feature in features if isinstance(feature, Axis)]
-    planes = [feature for feature in features if isinstance(feature, Plane)]
+    holes: list[Axis] = []
+    planes: list[Plane] = []
+    for feature in features:
+        if isinstance(feature, Axis):
+            holes.append(feature)
+        elif isinstance(feature, Plane):
+            planes.append(feature)
     choices: list[tuple[Shown, ...]] = []
     reasons: list[str | None] = []
-    for feature in holes or [planes]:
+    for item in holes or [planes]:
         try:
-            if isinstance(feature, Axis):
-                seats = seats_of_hole(frame.sight, feature)
-                others = [hole for hole in holes if hole is not feature]
+            others: list[Axis] = []
+            if isinstance(item, Axis):
+                seats = seats_of_hole(frame.sight, item)
+                others = [hole for hole in holes if hole is not item]
             else:
-                seats = seats_of_slot(frame.sight, feature)
-                others = []
+                seats = seats_of_slot(frame.sight, item)
             choices.append(_shown(frame, seats, others))
             reasons.append(None)
         except NotShownError as error:
@@ -368,11 +373,9 @@ def _reason(row: dict[str, Any], features: Sequence[Feature]) -> str | None:
         return _REASONS[kind]
     around_axes = bool(features) and all(isinstance(feature, Axis) for feature in features)
     if kind in _ORIENTATIONS:
-        return (
-            f"{kind} of an axis: needs both of its rims, and its datum face"
-            if around_axes
-            else f"{kind} of a face: {_SURFACE}"
-        )
+        if around_axes:
+            return f"{kind} of an axis: needs both of its rims, and its datum face"
+        return f"{kind} of a face: {_SURFACE}"
     if row["projected_mm"] is not None:
         return "projected zone: a rim does not show the axis outside the part"
     if not features:
@@ -382,7 +385,9 @@ def _reason(row: dict[str, Any], features: Sequence[Feature]) -> str | None:
             return None
         return f"{kind}: {_NO_CYLINDER}"
     if all(isinstance(feature, Plane) for feature in features) and row["zone_mm"]:
-        return None if len(features) == 2 else f"{kind} of {len(features)} faces: {_NO_SLOT}"
+        if len(features) == 2:
+            return None
+        return f"{kind} of {len(features)} faces: {_NO_SLOT}"
     return f"{kind}: only holes, pins, slots and tabs have one that edges show"
 
 

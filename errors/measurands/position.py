@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
@@ -519,6 +520,20 @@ class Position(Measurand):
             datums += [_item(others[start : start + n])] * bool(n)
             start += n
         return first, datums, pattern
+
+    def datum_names(self, names: Sequence[str]) -> list[str]:
+        """Return the names of each datum's entities, given the names of all entities in their order.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Names of what has the position, of the datums and of the pattern.
+        """
+        others = names[self.n_first :]
+        groups = self.groups or self._usual_groups(self.geometry[self.n_first :])
+        ends = np.cumsum([0, *groups]).tolist()
+        parts = [others[a:b] for a, b in pairwise(ends)]
+        return ["-".join(part) for part in parts if part]
 
     def _usual_groups(self, others: Sequence[Geometry]) -> tuple[int, ...]:
         return (1,) * len(others)

@@ -242,7 +242,8 @@ def fitted_at(frame, moves):
 
 def best_fit(nominal, actual):
     """Rotation and shift by singular values (Kabsch), that bring points nearest to their places."""
-    middle, centre = nominal.mean(axis=0), actual.mean(axis=0)
+    middle = nominal.mean(axis=0)
+    centre = actual.mean(axis=0)
     u, _, v = np.linalg.svd((nominal - middle).T @ (actual - centre))
     turn = (u @ np.diag([1, np.sign(np.linalg.det(u @ v))]) @ v).T
     return (actual - centre) @ turn + middle - nominal
