@@ -15,6 +15,7 @@ from errors.measurands import (
     Bonus,
     Decision,
     DecisionRule,
+    Position,
     acceptance_limits,
     conformance_probability,
     decide,
@@ -154,6 +155,9 @@ def _position_result(
     good = [reading for reading in readings if reading.measured]
     best = min(good, key=lambda reading: float(np.trace(np.array(reading.covariance_mm2))))
     tolerance = target.tolerance or (0.0, 0.0)
+    datums: tuple[str, ...] = ()
+    if isinstance(target.measurand, Position):
+        datums = tuple(target.measurand.datum_names(target.entities))
     n = len(best.deviation_mm)
     joint = np.array(best.covariance_mm2)
     covariance = joint[:n, :n]
@@ -182,6 +186,8 @@ def _position_result(
         *("", tuple(readings), tuple(notes)),
         interval=deviation_interval(best.deviation_mm, covariance),
         bonus_mm=bonus_mm,
+        material="" if target.material is None else target.material.condition,
+        datums=datums,
     )
 
 

@@ -146,6 +146,10 @@ class Result(ShownInNotebook):
         Of a position, the interval that its value lies in with 95 %: near 0, U does not describe it.
     bonus_mm : float
         By how much the measured size widens the zone of a position; nan without a material condition.
+    material : str
+        Its material condition, "M" or "L"; otherwise empty.
+    datums : tuple of str
+        Of a position, the names of what shows its datums, in their order.
     deviation : float
         Measured value minus nominal value.
     expanded_uncertainty : float
@@ -174,6 +178,8 @@ class Result(ShownInNotebook):
     advice: str = ""
     interval: tuple[float, float] | None = None
     bonus_mm: NumberOrNull = math.nan
+    material: str = ""
+    datums: tuple[str, ...] = ()
     deviation: NumberOrNull = field(init=False)
     expanded_uncertainty: Annotated[NumberOrNull, Key("U")] = field(init=False)
 
@@ -345,6 +351,12 @@ CHARACTERISTICS = {
 }
 """Characteristics of QIF by kind of target."""
 
+POSITION_CHARACTERISTICS = {"position": "Position", "width_position": "Position"}
+"""The same of kinds that have a zone and a datum reference frame."""
+_ZONES = {"position": "DiametricalZone", "width_position": "NonDiametricalZone"}
+_MODIFIERS = {"": "REGARDLESS", "M": "MAXIMUM", "L": "LEAST"}
+_PRECEDENCES = ("PRIMARY", "SECONDARY", "TERTIARY", "QUATERNARY", "QUINARY")
+
 # UUIDs of names below this one are the program's own
 _OWN = uuid.UUID("6f1c3f0e-6f3b-5a53-9d5b-1e3f0a3b7c11")
 _STANDARDS = {
@@ -392,7 +404,8 @@ def qif_text(results: MeasurementResults) -> str:
     standard = ids.next()
     _standards(root, standard, results.rule.name)
     _units(root)
-    items = _characteristics(root, results, standard, ids)
+    frames = _frames(root, results, ids)
+    items = _characteristics(root, results, standard, ids, frames)
     _results(root, results, items, ids)
     root.set("idMax", str(ids.last))
     ET.indent(root)
@@ -404,7 +417,8 @@ def _header(root: ET.Element, results: MeasurementResults) -> None:
     application = _add(header, "Application")
     _add(application, "Name", f"aspectgraph {results.source.program}")
     part = results.source.part or "part"
-    names = [result.name for result in results if result.kind not in CHARACTERISTICS]
+    written = {result.name for result in _written(results)}
+    names = [result.name for result in results if result.name not in written]
     also = ""
     if names:
         also = f"; not in this file: {', '.join(names)}"
@@ -433,8 +447,40 @@ def _units(root: ET.Element) -> None:
         _add(_add(unit, "UnitConversion"), "Factor", factor)
 
 
+def _frames(root: ET.Element, results: MeasurementResults, ids: _Ids) -> dict[tuple[str, ...], str]:
+    """Write the datums and their reference frames; return the ids of the frames by their datums."""
+    frames = dict.fromkeys(result.datums for result in _written(results) if result.datums)
+    if not frames:
+        return {}
+    labels = dict.fromkeys(label for datums in frames for label in datums)
+    parent = _list(root, "DatumDefinitions", len(labels))
+    definitions = {}
+    for label in labels:
+        definitions[label] = ids.next()
+        datum = _add(parent, "DatumDefinition", id=definitions[label])
+        _add(datum, "DatumLabel", re.sub(r"[^\w.-]", "_", label, flags=re.ASCII))
+    parent = _list(root, "DatumReferenceFrames", len(frames))
+    numbers = {}
+    for datums in frames:
+        numbers[datums] = ids.next()
+        frame = _add(parent, "DatumReferenceFrame", id=numbers[datums])
+        listed = _list(frame, "Datums", len(datums))
+        for label, precedence in zip(datums, _PRECEDENCES, strict=False):
+            datum = _add(listed, "Datum")
+            simple = _add(datum, "SimpleDatum")
+            _add(simple, "DatumDefinitionId", definitions[label])
+            _add(simple, "MaterialModifier", _MODIFIERS[""])
+            _add(simple, "ReferencedComponent", "ACTUAL")
+            _add(_add(datum, "Precedence"), "PrecedenceEnum", precedence)
+    return numbers
+
+
 def _characteristics(
-    root: ET.Element, results: MeasurementResults, standard: str, ids: _Ids
+    root: ET.Element,
+    results: MeasurementResults,
+    standard: str,
+    ids: _Ids,
+    frames: Mapping[tuple[str, ...], str],
 ) -> list[str]:
     """Write definition, nominal and item of each target; return the ids of the items."""
     lists = _add(root, "Characteristics")
@@ -445,13 +491,18 @@ def _characteristics(
     items = [ids.next() for _ in every]
     parent = _list(lists, "CharacteristicDefinitions", len(every))
     for result, number in zip(every, definitions, strict=True):
-        _definition(_add(parent, f"{_characteristic(result)}Definition", id=number), result)
+        element = _add(parent, f"{_characteristic(result)}Definition", id=number)
+        if result.kind in POSITION_CHARACTERISTICS:
+            _position_definition(element, result, frames)
+        else:
+            _definition(element, result)
     parent = _list(lists, "CharacteristicNominals", len(every))
     for result, number, definition in zip(every, nominals, definitions, strict=True):
         element = _add(parent, f"{_characteristic(result)}Nominal", id=number)
         _add(element, "CharacteristicDefinitionId", definition)
         _add(element, "Name", result.name)
-        _add(element, "TargetValue", _decimal(result.nominal))
+        if result.kind not in POSITION_CHARACTERISTICS:
+            _add(element, "TargetValue", _decimal(result.nominal))
         if "Between" in element.tag:
             _add(element, "AnalysisMode", "THREEDIMENSIONAL")
     parent = _list(lists, "CharacteristicItems", len(every))
@@ -466,8 +517,29 @@ def _characteristics(
 
 
 def _written(results: MeasurementResults) -> list[Result]:
-    """Return the results that the file can hold: a position would need its datums as features."""
-    return [result for result in results if result.kind in CHARACTERISTICS]
+    """Return the results that the file holds: values, and positions with their zones."""
+    return [
+        result
+        for result in results
+        if result.kind in CHARACTERISTICS
+        or (
+            result.kind in POSITION_CHARACTERISTICS
+            and result.tolerance is not None
+            and len(result.datums) <= len(_PRECEDENCES)
+        )
+    ]
+
+
+def _position_definition(
+    element: ET.Element, result: Result, frames: Mapping[tuple[str, ...], str]
+) -> None:
+    """Write the zone of a position, its datum reference frame and its material condition."""
+    assert result.tolerance is not None, "a position has a zone"
+    _add(element, "ToleranceValue", _decimal(result.tolerance[1]))
+    if result.datums:
+        _add(element, "DatumReferenceFrameId", frames[result.datums])
+    _add(element, "MaterialCondition", _MODIFIERS[result.material])
+    _add(_add(element, "ZoneShape"), _ZONES[result.kind])
 
 
 def _definition(element: ET.Element, one: Result) -> None:
@@ -549,7 +621,7 @@ def _part_status(results: MeasurementResults) -> str:
 
 
 def _characteristic(one: Result) -> str:
-    return f"{CHARACTERISTICS[one.kind]}Characteristic"
+    return f"{(CHARACTERISTICS | POSITION_CHARACTERISTICS)[one.kind]}Characteristic"
 
 
 def _add(parent: ET.Element, tag: str, text: str = "", **attributes: str) -> ET.Element:

@@ -28,12 +28,12 @@ _SYMBOLS = {
     "diameter": "⌀",
     "distance": "↔",
     "length": "↔",
-    "position": "⌖",
+    "position": "⊕",
     "radius": "R",
-    "symmetry": "⌯",
-    "width_position": "⌖",
+    "symmetry": "≡",
+    "width_position": "⊕",
 }
-"""Symbols of characteristics as ISO 1101 and ISO 129 have them."""
+"""Symbols of characteristics like those of ISO 1101 and ISO 129, of characters that every font has."""
 
 ALL = "✓"
 SOME = "◐"

@@ -511,6 +511,7 @@ def _picked(rows: Any) -> tuple[dict[str, Any], dict[str, Any], str]:
 ROLE_REASONS = {
     "reference": "it is a reference dimension, given for information only",
     "basic": "it is a basic dimension, theoretically exact and without a tolerance of its own",
+    "position": "positions, symmetry and coaxiality are left out of this plan",
 }
 """Why a dimension of the model is not planned although it can be measured, by its role."""
 
@@ -522,6 +523,7 @@ def dimensions_to_plan(
     one_per_pattern: bool = False,
     reference: bool = False,
     basic: bool = True,
+    positions: bool = True,
 ) -> tuple[dict[str, Dimension], dict[str, str]]:
     """Turn dimensions of a CAD model into a request for `plan_inspection`.
 
@@ -544,6 +546,8 @@ def dimensions_to_plan(
     basic : bool
         Plan basic dimensions, which are theoretically exact. They have no tolerance of their own,
         so the accuracy of the call applies.
+    positions : bool
+        Plan positions, symmetry and coaxiality. Their datums must be in the same image.
 
     Returns
     -------
@@ -572,7 +576,9 @@ def dimensions_to_plan(
     ['Linear Size.5 [1 of 2]', 'Linear Size.5 [2 of 2]']
     """
     omitted = [
-        role for role, planned in (("reference", reference), ("basic", basic)) if not planned
+        role
+        for role, planned in (("reference", reference), ("basic", basic), ("position", positions))
+        if not planned
     ]
     items = [
         item for statement in stated for item in _items(statement, share, one_per_pattern, omitted)
@@ -597,6 +603,8 @@ def _items(
 ) -> list[tuple[str, Dimension | str]]:
     """Return the name of each characteristic, with its request or the reason why it has none."""
     if isinstance(stated, GeometricTolerance):
+        if stated.reason is None and "position" in omitted:
+            return [(stated.name, ROLE_REASONS["position"])]
         return _positions(stated, share, one_per_pattern)
     check_kinds(stated=(stated, "ModelDimension"))
     if stated.role is not None and stated.role in omitted:
