@@ -310,7 +310,8 @@ def _measured(characteristic: str, features: Sequence[Feature], frame: DatumFram
             planes.append(feature)
     choices: list[tuple[Shown, ...]] = []
     reasons: list[str | None] = []
-    for item in holes or [planes]:
+    items: Sequence[Axis | list[Plane]] = holes or [planes]
+    for item in items:
         try:
             others: list[Axis] = []
             if isinstance(item, Axis):

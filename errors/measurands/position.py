@@ -313,10 +313,9 @@ class PositionFrame:
     def _fix_by_pattern(fixed: _Free, places: Sequence[Point]) -> None:
         """Fit what datums have left free to all rims of a pattern, by least squares."""
         share = 1.0 / len(places)
-        middle = (
-            sum(place[0] for place in places) * share,
-            sum(place[1] for place in places) * share,
-        )
+        middle = places[0][0] * share, places[0][1] * share
+        for place in places[1:]:
+            middle = middle[0] + place[0] * share, middle[1] + place[1] * share
         at = _plain(middle)
         if not fixed.anchors:
             fixed.anchors += [
@@ -479,7 +478,7 @@ class Position(Measurand):
         pattern. Empty if each datum has one, and there is no pattern.
     """
 
-    takes = (Circle,)
+    takes: ClassVar[tuple[type, ...]] = (Circle,)
     and_more = True
     n_first: ClassVar[int] = 1
     """Number of entities that have the position."""
@@ -504,6 +503,8 @@ class Position(Measurand):
     ) -> tuple[Circle | Slot, list[Datum], list[Circle]]:
         """Return what has the position, its datums, and the other rims of its pattern."""
         first = _item(geometry[: self.n_first])
+        if isinstance(first, Line):
+            raise MeasurandError("a position must have a rim first. Got a straight edge.")
         others = geometry[self.n_first :]
         groups = self.groups or self._usual_groups(others)
         n_datums = sum(groups)

@@ -254,8 +254,9 @@ def _with_datums(value: Any, named: Mapping[str, Any]) -> Any:
         shown_by = named.get(datum, datum) if is_name else datum
         if isinstance(shown_by, list) and not _is_end_points(shown_by):
             shown_by = list(map(_edge_number, shown_by))
-        datums.append(_edge_number(shown_by))
-    return {**value, "datums": [datum for datum in datums if datum != PARALLEL]}
+        if shown_by != PARALLEL:
+            datums.append(_edge_number(shown_by))
+    return {**value, "datums": datums}
 
 
 def _content(path: Path) -> dict[str, Any]:
