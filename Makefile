@@ -18,7 +18,7 @@ setup-docs:
 
 # what a file states about its tolerances, then the lengths of chosen edges
 demo: setup-demo
-	$(BIN)/aspectgraph plan examples/nist_ctc_01_ap242.stp --dimensions all --camera examples/camera.toml \
+	$(BIN)/aspectgraph plan examples/nist_ctc_01_ap242.stp --dimensions all --no-positions --camera examples/camera.toml \
 	    --share 0.3 --accuracy 0.999 --probability 0.9 --sigma-mm 0.05 --sigma-rad 0.001 \
 	    --light dome:0,0,0,1200,20 --register edges \
 	    --effort quick --out $(DEMO_OUT)

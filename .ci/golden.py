@@ -57,7 +57,7 @@ high = [30.0, 30.0, 30.0]
 """
 # name: part and options of ``aspectgraph plan``; what stands twice there replaces the first
 PLANS = {
-    "demo_dimensions": [CTC_01, "--dimensions", "all", *FILE_CAMERA, *DRAWING],
+    "demo_dimensions": [CTC_01, "--dimensions", "all", "--no-positions", *FILE_CAMERA, *DRAWING],
     "demo_edges": [
         CTC_01,
         "--entities",

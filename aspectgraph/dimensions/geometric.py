@@ -9,8 +9,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import numpy as np
-
+from aspectgraph.dimensions.datum_frames import (
+    DatumFrame,
+    NotShownError,
+    Seat,
+    Shown,
+    seats_of_hole,
+    seats_of_slot,
+)
 from aspectgraph.dimensions.features import (
     Attachments,
     Axis,
@@ -20,13 +26,9 @@ from aspectgraph.dimensions.features import (
     Plane,
     Sight,
     Way,
-    arc_order,
     describe_shape,
-    parallel,
-    perpendicular,
     unique_names,
 )
-from aspectgraph.solid.rims import Arc
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
 
 _SURFACE = "needs the surface, not its edges"
@@ -47,11 +49,11 @@ _REASONS = {
 _ORIENTATIONS = ("angularity", "parallelism", "perpendicularity")
 """Characteristics that say how a face or axis is turned to a datum."""
 
-_NO_FRAME = "only positions of holes and pins are measured against datums"
-_NO_CYLINDER = "position: the file states no cylindrical zone"
+_NO_CYLINDER = "the file states no cylindrical zone"
+_NO_SLOT = "the two faces of one slot or tab are measured"
 
-_MOST_RIMS = 4
-"""Rims of a hole that are offered for its position."""
+_TO_SIZE = {"diameter": 1.0, "radius": 2.0, "distance": 1.0}
+"""Kinds of sizes, and what makes them diameters or widths."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +91,15 @@ class GeometricTolerance:
         For each feature why it is not measured; None where it is.
     note : str
         Sentence on what could not be read; empty if there is none.
+    sizes : tuple of (float, float) or None
+        With a material condition, for each feature the limits of its size that the model states. They are deviations
+        from the size of the geometry, mm. None where the model states none.
+    measured_as : str
+        Kind of the dimension that measures it: "position", "width_position" (of a slot or tab), "symmetry" or
+        "coaxiality"; empty if none does.
+    groups : tuple of int
+        Number of entities of each datum among `entities`, if one has two or there is a pattern, whose other rims
+        follow.
 
     Examples
     --------
@@ -115,6 +126,9 @@ class GeometricTolerance:
     features: tuple[tuple[Way, ...], ...] = ()
     feature_reasons: tuple[str | None, ...] = ()
     note: str = ""
+    sizes: tuple[tuple[float, float] | None, ...] = ()
+    measured_as: str = ""
+    groups: tuple[int, ...] = ()
 
     @property
     def frame(self) -> str:
@@ -136,8 +150,9 @@ class GeometricTolerance:
             The attributes in their order, then ``unit``.
         """
         values = asdict(self)
-        for key in ("datums", "attached", "feature_reasons"):
+        for key in ("datums", "attached", "feature_reasons", "groups"):
             values[key] = list(values[key])
+        values["sizes"] = [None if size is None else list(size) for size in self.sizes]
         values["features"] = [[list(way) for way in ways] for ways in self.features]
         if self.entities is not None:
             values["entities"] = list(self.entities)
@@ -166,7 +181,7 @@ class ModelRequirements(ShownInNotebook):
     >>> from aspectgraph import read_requirements, read_solid
     >>> part = "examples/nist_ctc_01_ap242.stp"
     >>> read_requirements(part, read_solid(part))
-    <ModelRequirements: 12 dimensions, 6 geometric tolerances, 12 measurable>
+    <ModelRequirements: 12 dimensions, 6 geometric tolerances, 14 measurable>
     """
 
     dimensions: tuple[ModelDimension, ...] = ()
@@ -230,6 +245,7 @@ def list_tolerances(
     sight: Sight,
     rows: Sequence[dict[str, Any]],
     datums: Mapping[str, Sequence[Any]],
+    dimensions: Sequence[ModelDimension] = (),
 ) -> tuple[GeometricTolerance, ...]:
     """Return the geometric tolerances of a file in its order.
 
@@ -243,27 +259,31 @@ def list_tolerances(
         See `semantic_dimensions.describe_tolerances`.
     datums : mapping of str to sequence of dict
         The shapes of each datum, by its letter.
+    dimensions : sequence of ModelDimension
+        The dimensions of the file, among them the sizes of holes and pins.
     """
-    of_datums = {letter: attachments.features(shapes) for letter, shapes in datums.items()}
+    of_datums: dict[str, Sequence[Feature] | None] = {}
+    for letter, shapes in datums.items():
+        has_targets = any(shape["kind"] == "target" for shape in shapes)
+        of_datums[letter] = None if has_targets else attachments.features(shapes)
     titles = [row["name"] or f"{row['characteristic']} {k}" for k, row in enumerate(rows, 1)]
     tolerances = []
     for row, name in zip(rows, unique_names(titles), strict=True):
         features = attachments.features(row["shapes"])
-        reason: str | None = _reason(row, features)
-        ways: list[list[Way]] = []
-        reasons: list[str | None] = []
+        reason = _reason(row, features)
+        measured = _Measured("", (), ())
         if reason is None:
-            for feature in features:
-                assert isinstance(feature, Axis), "only positions of axes have no reason"
-                try:
-                    ways.append(_position_ways(sight, feature, row["datums"], of_datums))
-                    reasons.append(None)
-                except _NotShownError as error:
-                    ways.append([])
-                    reasons.append(f"position: {error}")
-            if not any(ways):
-                reason = reasons[0]
-        measured = reason is None
+            frame = DatumFrame(sight, row["datums"], of_datums)
+            measured = _measured(row["characteristic"], features, frame)
+            if measured.kind == "":
+                reason = measured.reasons[0]
+        sizes: tuple[tuple[float, float] | None, ...] = ()
+        if reason is None and row["material"]:
+            sizes = tuple(
+                _size_of([shown.way for shown in choices], measured.n_first, dimensions)
+                for choices in measured.features
+            )
+        ways = [tuple(shown.way for shown in choices) for choices in measured.features]
         tolerances.append(
             GeometricTolerance(
                 name,
@@ -274,107 +294,113 @@ def list_tolerances(
                 tuple(row["datums"]),
                 row["projected_mm"],
                 tuple(dict.fromkeys(describe_shape(shape) for shape in row["shapes"])),
-                max(1, len(features)),
+                max(1, len(measured.features) or len(features)),
                 reason,
-                next((found_ways[0] for found_ways in ways if found_ways), None),
-                tuple(map(tuple, ways)) if measured else (),
-                tuple(reasons) if measured else (),
-                _note(row),
+                next((choices[0] for choices in ways if choices), None),
+                tuple(ways) if reason is None else (),
+                measured.reasons if reason is None else (),
+                _note(row, sizes),
+                sizes,
+                measured.kind,
+                measured.groups,
             )
         )
     return tuple(tolerances)
 
 
-class _NotShownError(Exception):
-    """No rim or edge shows a position or one of its datums; the text says which."""
+@dataclass(frozen=True)
+class _Measured:
+    """How a position, symmetry or coaxiality is measured.
 
-
-def _position_ways(
-    sight: Sight,
-    hole: Axis,
-    letters: Sequence[str],
-    of_datums: Mapping[str, Sequence[Feature]],
-) -> list[Way]:
-    """Return sets of a rim and the entities that show the datums in their order, best first.
-
-    Raises
-    ------
-    _NotShownError
-        If there is none.
+    Attributes
+    ----------
+    kind : str
+        Kind of the dimension; empty if no feature is measured.
+    features : tuple of tuple of Shown
+        For each feature what measures it, best first.
+    reasons : tuple of str or None
+        For each feature why it is not measured.
+    groups : tuple of int
+        Number of entities of each datum, if they are not one each.
     """
-    rims = sorted(hole.circles, key=lambda arc: arc_order(sight, arc))
-    if not rims:
-        raise _NotShownError("no sharp circular edge bounds this feature")
-    ways = []
-    fault = _NotShownError("no edges show its datums")
-    for rim in rims[:_MOST_RIMS]:
+
+    kind: str
+    features: tuple[tuple[Shown, ...], ...]
+    reasons: tuple[str | None, ...]
+    groups: tuple[int, ...] = ()
+
+    @property
+    def n_first(self) -> int:
+        """Number of entities that have the place."""
+        return 2 if self.kind in ("width_position", "symmetry") else 1
+
+
+def _measured(characteristic: str, features: Sequence[Feature], frame: DatumFrame) -> _Measured:
+    """Return how the place of holes and pins, or of a slot, is measured."""
+    holes: list[Axis] = []
+    planes: list[Plane] = []
+    for feature in features:
+        if isinstance(feature, Axis):
+            holes.append(feature)
+        elif isinstance(feature, Plane):
+            planes.append(feature)
+    choices: list[tuple[Shown, ...]] = []
+    reasons: list[str | None] = []
+    items: Sequence[Axis | list[Plane]] = holes or [planes]
+    for item in items:
         try:
-            ways.append(_with_datums(sight, rim, letters, of_datums))
-        except _NotShownError as error:
-            fault = error
-    if not ways:
-        raise fault
-    return ways
+            others: list[Axis] = []
+            if isinstance(item, Axis):
+                seats = seats_of_hole(frame.sight, item)
+                others = [hole for hole in holes if hole is not item]
+            else:
+                seats = seats_of_slot(frame.sight, item)
+            choices.append(_shown(frame, seats, others))
+            reasons.append(None)
+        except NotShownError as error:
+            choices.append(())
+            reasons.append(f"{characteristic}: {error}")
+    first = next((shown[0] for shown in choices if shown), None)
+    if first is None:
+        return _Measured("", (), tuple(reasons))
+    kind = characteristic if characteristic in ("position", "symmetry") else "coaxiality"
+    if planes:
+        kind = "symmetry" if first.groups == (2,) and kind == "symmetry" else "width_position"
+    # of a usual frame each datum has one entity
+    is_usual = set(first.groups) == {1} and not first.n_pattern
+    groups = () if is_usual or kind == "symmetry" else first.groups
+    return _Measured(kind, tuple(choices), tuple(reasons), groups)
 
 
-def _with_datums(
-    sight: Sight,
-    rim: Arc,
-    letters: Sequence[str],
-    of_datums: Mapping[str, Sequence[Feature]],
-) -> Way:
-    """Return a rim with the entities that show its datums."""
-    way: list[EntityId] = [rim.id]
-    fixed_turn = False
-    n_shifts = 0
-    for letter in letters:
-        features = of_datums.get(letter.partition("(")[0], ())
-        if len(features) != 1:
-            words = f"{len(features)} features" if features else "no feature"
-            raise _NotShownError(f"the file attaches datum {letter} to {words}, not to one")
-        (datum,) = features
-        if isinstance(datum, Plane) and parallel(datum.normal, rim.axis):
-            # it fixes nothing in the plane of the rim
+def _shown(frame: DatumFrame, seats: Sequence[Seat], others: Sequence[Axis]) -> tuple[Shown, ...]:
+    """Return what measures a feature by each of its rims or pairs of edges that show its datums, too."""
+    every = []
+    faults = []
+    for seat in seats:
+        try:
+            every.append(frame.show(seat, others))
+        except NotShownError as error:
+            faults.append(error)
+    if not every:
+        raise faults[0]
+    return tuple(shown for shown in every if shown.groups == every[0].groups)
+
+
+def _size_of(
+    ways: Sequence[Way], n_first: int, dimensions: Sequence[ModelDimension]
+) -> tuple[float, float] | None:
+    """Return the limits of the size of a hole, pin or slot that a model states, from the value of its geometry."""
+    rims = {frozenset(way[:n_first]) for way in ways}
+    for dimension in dimensions:
+        factor = _TO_SIZE.get(dimension.kind)
+        if factor is None or dimension.tolerance is None:
             continue
-        if n_shifts == 2 and fixed_turn:
-            break
-        if isinstance(datum, Axis) and parallel(datum.along, rim.axis):
-            way.append(_rim_of_datum(rim, datum, letter))
-            fixed_turn = fixed_turn or n_shifts == 2
-            n_shifts = 2
-        elif isinstance(datum, Plane) and perpendicular(datum.normal, rim.axis):
-            way.append(_edge_of_datum(sight, rim, datum, letter))
-            fixed_turn = True
-            n_shifts = min(2, n_shifts + 1)
-        else:
-            raise _NotShownError(f"the rim is inclined to datum {letter}")
-    if n_shifts < 2 or not fixed_turn:
-        raise _NotShownError("its datums leave a rotation or translation free")
-    if not sight.together(rim, *(entity for entity in way[1:] if isinstance(entity, int))):
-        raise _NotShownError("no direction shows its rim and the edges of its datums together")
-    return tuple(way)
-
-
-def _rim_of_datum(rim: Arc, datum: Axis, letter: str) -> EntityId:
-    """Return the rim of a datum hole that is nearest to the plane of a rim and looks the same way."""
-    circles = [arc for arc in datum.circles if float(arc.axis @ rim.axis) > 0.0 and arc is not rim]
-    if not circles:
-        raise _NotShownError(f"no rim on the same side shows datum {letter}")
-    return min(circles, key=lambda arc: abs(float((arc.centre - rim.centre) @ rim.axis))).id
-
-
-def _edge_of_datum(sight: Sight, rim: Arc, datum: Plane, letter: str) -> EntityId:
-    """Return the edge of a datum plane that lies nearest to the plane of a rim, and is longest there."""
-    edges = []
-    for edge_id in datum.edges:
-        ends = sight.solid.edge_points(edge_id)
-        along = ends[1] - ends[0]
-        if perpendicular(along / np.linalg.norm(along), rim.axis) and sight.together(edge_id, rim):
-            depth = round(abs(float((ends[0] - rim.centre) @ rim.axis)), 3)
-            edges.append((depth, -sight.length_mm(edge_id), edge_id))
-    if not edges:
-        raise _NotShownError(f"no edge that is seen with the rim shows datum {letter}")
-    return min(edges)[2]
+        on_rims = any(frozenset(way) in rims for choices in dimension.features for way in choices)
+        if on_rims and dimension.nominal is not None and dimension.geometry is not None:
+            apart = dimension.nominal - dimension.geometry
+            lower, upper = dimension.tolerance
+            return factor * (apart + lower), factor * (apart + upper)
+    return None
 
 
 def _reason(row: dict[str, Any], features: Sequence[Feature]) -> str | None:
@@ -384,33 +410,33 @@ def _reason(row: dict[str, Any], features: Sequence[Feature]) -> str | None:
         return _REASONS[kind]
     around_axes = bool(features) and all(isinstance(feature, Axis) for feature in features)
     if kind in _ORIENTATIONS:
-        return (
-            f"{kind} of an axis: needs both of its rims, and its datum face"
-            if around_axes
-            else f"{kind} of a face: {_SURFACE}"
-        )
+        if around_axes:
+            return f"{kind} of an axis: needs both of its rims, and its datum face"
+        return f"{kind} of a face: {_SURFACE}"
     if row["projected_mm"] is not None:
         return "projected zone: a rim does not show the axis outside the part"
     if not features:
         return f"{kind}: it is attached to no plane, edge or axis"
-    if kind == "position" and around_axes:
-        return None if row["diametral"] and row["zone_mm"] else _NO_CYLINDER
-    if any(isinstance(feature, Plane) for feature in features) and len(features) != 2:
-        return f"{kind} of faces: {_SURFACE}"
-    return f"{kind}: {_NO_FRAME}"
+    if around_axes:
+        if row["diametral"] and row["zone_mm"]:
+            return None
+        return f"{kind}: {_NO_CYLINDER}"
+    if all(isinstance(feature, Plane) for feature in features) and row["zone_mm"]:
+        if len(features) == 2:
+            return None
+        return f"{kind} of {len(features)} faces: {_NO_SLOT}"
+    return f"{kind}: only holes, pins, slots and tabs have one that edges show"
 
 
-def _note(row: dict[str, Any]) -> str:
+def _note(row: dict[str, Any], sizes: Sequence[Any]) -> str:
     """Return what of a tolerance was not read."""
     if row["zone_mm"] is None:
         return "its zone could not be read"
     if row["unread"]:
         items = "1 item" if row["unread"] == 1 else f"{row['unread']} items"
         return f"{items} that it is attached to could not be read"
-    if row["material"]:
-        return (
-            f"({row['material']}) widens its zone by a bonus, which is not used: this is stricter"
-        )
+    if row["material"] and not (sizes and all(sizes)):
+        return f"the model states no limits of size for ({row['material']}), so no bonus is used: this is stricter"
     if row["per_unit"]:
         return "it holds for each unit of length or area"
     return ""

@@ -147,7 +147,7 @@ def read_requirements(
     >>> part = "examples/nist_ctc_01_ap242.stp"
     >>> stated = read_requirements(part, read_solid(part))
     >>> len(stated), len(stated.dimensions), len(stated.tolerances), stated.n_measurable
-    (18, 12, 6, 12)
+    (18, 12, 6, 14)
     """
     check_solid(solid)
     for label, value in (("agreement_mm", agreement_mm), ("agreement_deg", agreement_deg)):
@@ -165,10 +165,15 @@ def read_requirements(
     ):
         answer, _ = kernel.ask("dimensions", path=str(plain.absolute()), name=Path(path).name)
     reader = _Reader(solid, agreement_mm, agreement_deg)
+    dimensions = _listed_dimensions(reader, answer)
     return ModelRequirements(
-        _listed_dimensions(reader, answer),
+        dimensions,
         list_tolerances(
-            reader.attachments, reader.measurer.sight, answer["tolerances"], answer["datums"]
+            reader.attachments,
+            reader.measurer.sight,
+            answer["tolerances"],
+            answer["datums"],
+            dimensions,
         ),
         tuple(answer["disagreements"]),
     )

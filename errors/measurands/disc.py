@@ -23,7 +23,6 @@ from errors.exceptions import CovarianceError, InvalidParameterError, InvalidSha
 from errors.measurands.measurand import (
     Decision,
     DecisionRule,
-    conformance_probability,
     decide,
 )
 
@@ -50,8 +49,8 @@ class Bonus:
         minus the maximum material size; of a pin with (M), the reverse. Negative if the size is beyond the limit.
     u_mm : float
         Standard uncertainty of the size, not negative.
-    covariance_mm2 : (float, float)
-        Covariance of the size with both components of the position.
+    covariance_mm2 : tuple of float
+        Covariance of the surplus with each component of the position.
 
     Raises
     ------
@@ -61,7 +60,7 @@ class Bonus:
 
     surplus_mm: float
     u_mm: float
-    covariance_mm2: tuple[float, float] = (0.0, 0.0)
+    covariance_mm2: tuple[float, ...] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         check_finite(self.surplus_mm, "surplus_mm")
@@ -230,12 +229,12 @@ def position_conformance(
 
     Parameters
     ----------
-    measured : array (2,)
-        Measured deviation from the true position, mm.
-    covariance : array (2, 2)
+    measured : array (c,)
+        Measured deviation from the true position, mm; one or two components.
+    covariance : array (c, c)
         Of the measurement, mm².
     zone_mm : float
-        Diameter of the zone, positive.
+        Width or diameter of the zone, positive.
     bonus : Bonus, optional
         The measured size, where a material condition widens the zone by ``max(0, surplus)``.
 
@@ -249,14 +248,18 @@ def position_conformance(
     CovarianceError
         A covariance is none.
     InvalidParameterError, InvalidShapeError
-        The zone is not positive, or what was measured is no point of the plane.
+        The zone is not positive, or arrays do not match.
     """
     zone_mm = check_positive(zone_mm, "zone_mm")
-    m = _point(measured)
+    m = _deviation(measured)
     if bonus is None:
-        return disc_probability(covariance, 0.5 * zone_mm, m)
+        return _within(covariance, 0.5 * zone_mm, m)
+    if len(bonus.covariance_mm2) != len(m):
+        raise InvalidShapeError(
+            f"covariance_mm2 of a bonus must have {len(m)} numbers. Got {len(bonus.covariance_mm2)}."
+        )
     if bonus.u_mm == 0.0:
-        return disc_probability(covariance, 0.5 * (zone_mm + max(0.0, bonus.surplus_mm)), m)
+        return _within(covariance, 0.5 * (zone_mm + max(0.0, bonus.surplus_mm)), m)
     lean = np.asarray(bonus.covariance_mm2, dtype=np.float64) / bonus.u_mm**2
     remaining = np.asarray(covariance, dtype=np.float64) - np.outer(lean, lean) * bonus.u_mm**2
     low = bonus.surplus_mm - _FAR * bonus.u_mm
@@ -272,9 +275,21 @@ def position_conformance(
             density = math.exp(-0.5 * (offset / bonus.u_mm) ** 2) / bonus.u_mm
             if start < end and density * bonus.u_mm > 1e-16:
                 radius = 0.5 * (zone_mm + max(0.0, size))
-                p = disc_probability(remaining, radius, m + lean * offset)
+                p = _within(remaining, radius, m + lean * offset)
                 total += 0.5 * (end - start) * weight * density * p
     return min(1.0, total / math.sqrt(2.0 * math.pi))
+
+
+def _within(covariance: ArrayLike, radius: float, measured: Floats) -> float:
+    """Return P(‖measured + e‖ <= radius), of one or two components."""
+    if len(measured) == 2:
+        return disc_probability(covariance, radius, measured)
+    variance = float(np.asarray(covariance, dtype=np.float64).reshape(-1)[0])
+    distance = float(measured[0])
+    if variance <= 0.0:
+        return float(abs(distance) <= radius)
+    sigma = math.sqrt(variance)
+    return _below((radius - distance) / sigma) - _below((-radius - distance) / sigma)
 
 
 def decide_position(p_conforms: float, rule: DecisionRule) -> Decision:
@@ -312,7 +327,11 @@ def decide_position(p_conforms: float, rule: DecisionRule) -> Decision:
 
 
 def decide_deviation(
-    measured: ArrayLike, covariance: ArrayLike, zone_mm: float, rule: DecisionRule
+    measured: ArrayLike,
+    covariance: ArrayLike,
+    zone_mm: float,
+    rule: DecisionRule,
+    bonus: Bonus | None = None,
 ) -> tuple[Decision, float]:
     """Return the decision of a measured deviation of one or two components, and the probability that it conforms.
 
@@ -326,6 +345,8 @@ def decide_deviation(
         Width or diameter of the zone, positive.
     rule : DecisionRule
         How it is decided; one with guard bands of U counts the standard deviation along the deviation.
+    bonus : Bonus, optional
+        The measured size, where a material condition widens the zone.
 
     Returns
     -------
@@ -335,17 +356,19 @@ def decide_deviation(
     m = check_finite(measured, "measured")
     matrix = check_finite(covariance, "covariance")
     distance = float(np.linalg.norm(m))
-    if len(m) == 1:
-        half = 0.5 * check_positive(zone_mm, "zone_mm")
-        p = conformance_probability(float(m[0]), math.sqrt(max(matrix[0, 0], 0.0)), (-half, half))
-    else:
-        p = position_conformance(m, matrix, zone_mm)
+    p = position_conformance(m, matrix, zone_mm, bonus)
     if rule.name != "guard U":
         return decide_position(p, rule), p
-    variance = float(np.linalg.eigvalsh(matrix)[-1])
+    axis = np.linalg.eigh(matrix)[1][:, -1]
     if distance > 0.0:
-        variance = float(m @ matrix @ m) / distance**2
-    return decide(distance, math.sqrt(max(variance, 0.0)), (-math.inf, 0.5 * zone_mm), rule), p
+        axis = m / distance
+    variance = float(axis @ matrix @ axis)
+    limit = 0.5 * zone_mm
+    if bonus is not None and bonus.surplus_mm > 0.0:
+        limit += 0.5 * bonus.surplus_mm
+        with_size = float(axis @ np.asarray(bonus.covariance_mm2))
+        variance += 0.25 * bonus.u_mm**2 - with_size
+    return decide(distance, math.sqrt(max(variance, 0.0)), (-math.inf, limit), rule), p
 
 
 def deviation_interval(
@@ -357,9 +380,9 @@ def deviation_interval(
 
     Parameters
     ----------
-    measured : array (2,)
-        Measured deviation m from the true position, mm.
-    covariance : array (2, 2)
+    measured : array (c,)
+        Measured deviation m from the true position, mm; one or two components.
+    covariance : array (c, c)
         Of the measurement, mm².
     coverage : float
         In (0, 1).
@@ -374,12 +397,15 @@ def deviation_interval(
     CovarianceError
         The covariance is none.
     InvalidParameterError, InvalidShapeError
-        The coverage is not in (0, 1), or what was measured is no point of the plane.
+        The coverage is not in (0, 1), or what was measured has other than one or two components.
     """
     if not 0.0 < coverage < 1.0:
         raise InvalidParameterError.of_rule("coverage", "must be in (0, 1)", repr(coverage))
-    m = _point(measured)
-    variances, _ = _principal(covariance)
+    m = _deviation(measured)
+    if len(m) == 2:
+        variances, _ = _principal(covariance)
+    else:
+        variances = check_finite(covariance, "covariance").reshape(-1)
     distance = math.hypot(*m)
     if variances[0] <= 0.0:
         return 2.0 * distance, 2.0 * distance
@@ -388,10 +414,19 @@ def deviation_interval(
     end = distance + _FAR * math.sqrt(variances[0])
 
     def radius_of(share: float) -> float:
-        return float(brentq(lambda r: disc_probability(covariance, r, m) - share, 0.0, end))
+        return float(brentq(lambda r: _within(covariance, r, m) - share, 0.0, end))
 
     tail = 0.5 * (1.0 - coverage)
     return 2.0 * radius_of(tail), 2.0 * radius_of(1.0 - tail)
+
+
+def _deviation(value: ArrayLike) -> Floats:
+    deviation = check_finite(value, "measured")
+    if deviation.shape not in ((1,), (2,)):
+        raise InvalidShapeError(
+            f"measured must have one or two components. Got the shape {deviation.shape}."
+        )
+    return deviation
 
 
 def _point(value: ArrayLike) -> Floats:

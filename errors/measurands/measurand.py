@@ -495,7 +495,9 @@ def kinds() -> tuple[str, ...]:
     return tuple(_KINDS)
 
 
-def measurand(name: str, geometry: Sequence[Geometry], direction: Any = None) -> Measurand:
+def measurand(
+    name: str, geometry: Sequence[Geometry], direction: Any = None, groups: Sequence[int] = ()
+) -> Measurand:
     """Return a value over lines and circles.
 
     Parameters
@@ -506,6 +508,8 @@ def measurand(name: str, geometry: Sequence[Geometry], direction: Any = None) ->
         Its entities in the part's frame.
     direction : array (3,), optional
         Direction of a distance. Default: across the lines.
+    groups : sequence of int
+        Of a position with slots among its datums or with a pattern: the number of entities of each datum.
 
     Returns
     -------
@@ -529,8 +533,15 @@ def measurand(name: str, geometry: Sequence[Geometry], direction: Any = None) ->
             raise MeasurandError(
                 f"a {name} must have {_several(cls.takes)}. Got a {type(shape).__name__.lower()}."
             )
+    if groups and not hasattr(cls, "n_first"):
+        raise MeasurandError.of_rule(
+            "groups",
+            "must be those of a position",
+            f"{list(groups)} for a {name.replace('_', ' ')}",
+        )
+    further: dict[str, Any] = {"groups": tuple(groups)} if groups else {}
     try:
-        return cls(tuple(geometry), direction)
+        return cls(tuple(geometry), direction, **further)
     except InvalidParameterError as error:
         raise MeasurandError(str(error)) from error
 

@@ -15,7 +15,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from itertools import pairwise
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,6 +41,9 @@ Floats = NDArray[np.float64]
 
 PARALLEL_RAD = 1e-3
 """Angle up to which datums are taken as parallel to the plane of the rim, or lines as across each other."""
+
+_RADIUS = 2
+"""Place of the radius in what is fitted of a circle."""
 
 Slot: TypeAlias = tuple[Line, Line]
 Datum: TypeAlias = Line | Circle | Slot
@@ -162,6 +166,9 @@ class PositionFrame:
     datums : sequence of Line, Circle or (Line, Line)
         In their order, without those that are parallel to the plane of the rim: an edge shows a plane across, a rim a
         hole or pin, two edges a slot.
+    pattern : sequence of Circle
+        The other rims of a pattern whose positions are asked for together. What the datums leave free is fitted to all
+        of its rims by least squares.
 
     Attributes
     ----------
@@ -170,6 +177,10 @@ class PositionFrame:
         along the radius only.
     components : int
         2, or 1 where only the deviation across a slot or along a radius counts.
+    size_mm : float
+        Nominal diameter of the rim, or width of the slot.
+    by_size : array (p,)
+        Derivatives of this size by what is fitted, entity after entity.
 
     Raises
     ------
@@ -177,18 +188,22 @@ class PositionFrame:
         A datum is inclined to the plane of the rim, or fixes nothing, or a translation stays free.
     """
 
-    def __init__(self, rim: Circle | Slot, datums: Sequence[Datum]):
+    def __init__(self, rim: Circle | Slot, datums: Sequence[Datum], pattern: Sequence[Circle] = ()):
         self.rim = rim
         self.datums = tuple(datums)
-        if not self.datums:
+        self.pattern = tuple(pattern)
+        if self.pattern and not isinstance(rim, Circle):
+            raise MeasurandError("a pattern must be one of rims. Got a slot with a pattern.")
+        if not self.datums and not self.pattern:
             raise MeasurandError("a position needs a datum in the plane of its rim. Got none.")
         shapes: list[Geometry] = []
-        for item in (rim, *self.datums):
+        for item in (rim, *self.datums, *self.pattern):
             shapes += item if isinstance(item, tuple) else (item,)
         self.geometry = tuple(shapes)
         self.origin, self.axes = self._plane()
         self.frames = tuple(self._frame(shape) for shape in self.geometry)
         self._check_parallel()
+        self.size_mm, self.by_size = self._size_of()
         self.free: tuple[str, ...] = ()
         self.components = 2
         self.errors = self._errors()
@@ -203,6 +218,19 @@ class PositionFrame:
         return 0.5 * (first.middle + second.middle), np.stack(
             [first.direction, across / np.linalg.norm(across)]
         )
+
+    def _size_of(self) -> tuple[float, Floats]:
+        """Return the nominal diameter or width, and its derivatives by what is fitted."""
+        by_size = np.zeros(sum(2 if isinstance(s, Line) else 3 for s in self.geometry))
+        if isinstance(self.rim, Circle):
+            by_size[_RADIUS] = 2.0
+            return 2.0 * self.rim.radius_mm, by_size
+        first, second = self.rim
+        across = self.axes[1]
+        # offset and slope of the first edge, then those of the second one
+        by_size[0] = -float(self.frames[0].y @ across)
+        by_size[2] = float(self.frames[1].y @ across)
+        return float((second.middle - first.middle) @ across), by_size
 
     def _axes_about(self, rim: Circle) -> Floats:
         """Return axes in the plane of a rim: x along the first edge among the datums, if there is one."""
@@ -277,7 +305,39 @@ class PositionFrame:
                     f"Got datum {self.datums.index(datum) + 1}, which fixes nothing."
                 )
             start += n
+        if self.pattern:
+            self._fix_by_pattern(fixed, [place, *(point for point, _ in fitted[start:])])
         return self._deviation(fixed, place, fitted[0][1])
+
+    @staticmethod
+    def _fix_by_pattern(fixed: _Free, places: Sequence[Point]) -> None:
+        """Fit what datums have left free to all rims of a pattern, by least squares."""
+        share = 1.0 / len(places)
+        middle = places[0][0] * share, places[0][1] * share
+        for place in places[1:]:
+            middle = middle[0] + place[0] * share, middle[1] + place[1] * share
+        at = _plain(middle)
+        if not fixed.anchors:
+            fixed.anchors += [
+                (middle, at, np.array([1.0, 0.0])),
+                (middle, at, np.array([0.0, 1.0])),
+            ]
+        elif len(fixed.anchors) == 1:
+            normal = fixed.anchors[0][2]
+            fixed.anchors.append((middle, at, np.array([-normal[1], normal[0]])))
+        if fixed.direction is not None:
+            return
+        # the turn about the fixed point that brings the rims nearest to their places
+        origin, about, _ = fixed.anchors[0]
+        cosine: Jet | float = 0.0
+        sine: Jet | float = 0.0
+        for place in places:
+            apart = _minus(place, origin)
+            x, y = _plain(place) - about
+            cosine = cosine + apart[0] * float(x) + apart[1] * float(y)
+            sine = sine + apart[1] * float(x) - apart[0] * float(y)
+        if isinstance(cosine, Jet) and isinstance(sine, Jet) and cosine.value > 0.0:
+            fixed.direction = _unit((cosine, sine)), np.array([1.0, 0.0])
 
     @staticmethod
     def _middle(fitted: Sequence[tuple[Point, Point]]) -> tuple[Point, Point]:
@@ -405,16 +465,30 @@ class PositionFrame:
 
 @kind("position")
 class Position(Measurand):
-    """Position 2‖e‖ of a rim, mm, against datums in their order: edges of planes across, rims of holes or pins."""
+    """Position 2‖e‖ of a rim, mm, against datums in their order: edges of planes across, rims of holes or pins.
 
-    takes = (Circle,)
+    Parameters
+    ----------
+    geometry : tuple of Line or Circle
+        The rim, or the two edges of a slot or tab. Then each datum in its order. Then the other rims of a pattern.
+    direction : None
+        It has none.
+    groups : tuple of int
+        Number of entities of each datum: 2 of a slot or tab, otherwise 1. Entities beyond them are those of the
+        pattern. Empty if each datum has one, and there is no pattern.
+    """
+
+    takes: ClassVar[tuple[type, ...]] = (Circle,)
     and_more = True
+    n_first: ClassVar[int] = 1
+    """Number of entities that have the position."""
 
-    def __init__(self, geometry: tuple[Geometry, ...], direction: Any = None):
-        rim, *datums = geometry
-        if not isinstance(rim, Circle):
-            raise MeasurandError("a position must have a rim first. Got a straight edge.")
-        self.frame = PositionFrame(rim, datums)
+    def __init__(
+        self, geometry: tuple[Geometry, ...], direction: Any = None, groups: tuple[int, ...] = ()
+    ):
+        self.groups = tuple(groups)
+        first, datums, pattern = self._items(tuple(geometry))
+        self.frame = PositionFrame(first, datums, pattern)
         super().__init__(geometry, direction)
         jets = list(self.frame.errors)
         if len(jets) == 2:
@@ -424,35 +498,93 @@ class Position(Measurand):
             FittedEntities(geometry, self.frames, jet.gradient, jet.hessian) for jet in jets
         ]
 
+    def _items(
+        self, geometry: tuple[Geometry, ...]
+    ) -> tuple[Circle | Slot, list[Datum], list[Circle]]:
+        """Return what has the position, its datums, and the other rims of its pattern."""
+        first = _item(geometry[: self.n_first])
+        if isinstance(first, Line):
+            raise MeasurandError("a position must have a rim first. Got a straight edge.")
+        others = geometry[self.n_first :]
+        groups = self.groups or self._usual_groups(others)
+        n_datums = sum(groups)
+        pattern = [shape for shape in others[n_datums:] if isinstance(shape, Circle)]
+        if n_datums > len(others) or len(pattern) < len(others) - n_datums:
+            raise MeasurandError(
+                f"groups must count the entities of the datums, and a pattern must be one of rims. Got {groups} "
+                f"for {len(others)} entities after the first."
+            )
+        datums = []
+        start = 0
+        for n in groups:
+            # a pattern without datums states one of no entities
+            datums += [_item(others[start : start + n])] * bool(n)
+            start += n
+        return first, datums, pattern
+
+    def datum_names(self, names: Sequence[str]) -> list[str]:
+        """Return the names of each datum's entities, given the names of all entities in their order.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Names of what has the position, of the datums and of the pattern.
+        """
+        others = names[self.n_first :]
+        groups = self.groups or self._usual_groups(self.geometry[self.n_first :])
+        ends = np.cumsum([0, *groups]).tolist()
+        parts = [others[a:b] for a, b in pairwise(ends)]
+        return ["-".join(part) for part in parts if part]
+
+    def _usual_groups(self, others: Sequence[Geometry]) -> tuple[int, ...]:
+        return (1,) * len(others)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**super().__getstate__(), "groups": self.groups}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        type(self).__init__(self, state["geometry"], state["direction"], state["groups"])
+
     def describe(self) -> tuple[float, tuple[Frame, ...], Floats, Floats]:
         """Return nominal value, frames, and the derivatives of the first component of e."""
         jet = self.frame.errors[0]
         return 0.0, self.frame.frames, jet.gradient, jet.hessian
 
-    def error(self, fitted: list[Floats]) -> Floats:
-        """Return e (n, c) by what is fitted, in the axes of the frame."""
+    @property
+    def size_mm(self) -> float:
+        """Nominal diameter of the rim or width of the slot, mm."""
+        return self.frame.size_mm
+
+    def deviations(self, fitted: list[Floats]) -> Floats:
+        """Return what is fitted (n, p) as deviations from the model, entity after entity."""
         parts = []
         for shape, values in zip(self.geometry, fitted, strict=True):
             nominal = np.zeros(values.shape[1])
             if isinstance(shape, Circle):
                 nominal[2] = shape.radius_mm
             parts.append(values - nominal)
-        d = np.concatenate(parts, axis=1)
+        return np.concatenate(parts, axis=1)
+
+    def error(self, fitted: list[Floats]) -> Floats:
+        """Return e (n, c) by what is fitted, in the axes of the frame."""
+        d = self.deviations(fitted)
         columns = [
             jet.value + d @ jet.gradient + 0.5 * np.einsum("ni,ij,nj->n", d, jet.hessian, d)
             for jet in self.frame.errors
         ]
         return np.stack(columns, axis=1)
 
-    def along(self, shares: ArrayLike) -> PositionComponent:
+    def along(self, shares: ArrayLike, size: float = 0.0) -> PositionComponent:
         """Return a sum of components of e, which is a number that is nearly linear in what is fitted.
 
         Parameters
         ----------
         shares : array_like (c,)
             Of each component.
+        size : float
+            Share of the deviation of diameter or width, which counts where a material condition widens the zone.
         """
-        return PositionComponent(self, np.asarray(shares, dtype=np.float64))
+        return PositionComponent(self, np.asarray(shares, dtype=np.float64), size)
 
     def value(self, fitted: list[Floats]) -> Floats:
         """Return positions (n,) by what is fitted."""
@@ -463,8 +595,49 @@ class Position(Measurand):
         return PositionModel(self, **means)
 
 
+def _item(shapes: Sequence[Geometry]) -> Datum:
+    """Return one rim or edge, or the two edges of a slot or tab."""
+    if len(shapes) == 1:
+        return shapes[0]
+    if len(shapes) == 2 and isinstance(shapes[0], Line) and isinstance(shapes[1], Line):
+        return shapes[0], shapes[1]
+    raise MeasurandError("a datum must be a rim, an edge, or the two edges of a slot. Got others.")
+
+
+@kind("width_position")
+class WidthPosition(Position):
+    """Position 2|e| of the mid-line of a slot or tab across it, mm, against datums in their order."""
+
+    takes = (Line, Line)
+    n_first = 2
+
+
+@kind("symmetry")
+class Symmetry(WidthPosition):
+    """Symmetry 2|e| of a slot or tab, mm: how far its mid-line is off that of the datum's slot or tab."""
+
+    def _usual_groups(self, others: Sequence[Geometry]) -> tuple[int, ...]:
+        return (2,) if len(others) == 2 else super()._usual_groups(others)
+
+
+@kind("coaxiality")
+class Coaxiality(Position):
+    """Coaxiality 2‖e‖ of two circles in parallel planes, mm, in the plane of the first one."""
+
+    takes = (Circle, Circle)
+
+    def __init__(
+        self, geometry: tuple[Geometry, ...], direction: Any = None, groups: tuple[int, ...] = ()
+    ):
+        super().__init__(geometry, direction, groups)
+        if self.frame.components != 2 or len(geometry) != 2:
+            raise MeasurandError(
+                "a coaxiality must have two circles about one axis. Got circles that are apart, or more."
+            )
+
+
 class PositionComponent(Measurand):
-    """A sum of components of a position's error e, mm.
+    """A sum of components of a position's error e and of the deviation of its size, mm.
 
     Parameters
     ----------
@@ -472,13 +645,16 @@ class PositionComponent(Measurand):
         The position.
     shares : array (c,)
         Of each component.
+    size : float
+        Of the deviation of diameter or width.
     """
 
     kind = "position"
 
-    def __init__(self, position: Position, shares: Floats):
+    def __init__(self, position: Position, shares: Floats, size: float = 0.0):
         self.position = position
         self.shares = shares
+        self.size = size
         super().__init__(position.geometry)
 
     def describe(self) -> tuple[float, tuple[Frame, ...], Floats, Floats]:
@@ -486,11 +662,13 @@ class PositionComponent(Measurand):
         jets = self.position.frame.errors
         gradient = sum(share * jet.gradient for share, jet in zip(self.shares, jets, strict=True))
         hessian = sum(share * jet.hessian for share, jet in zip(self.shares, jets, strict=True))
-        return 0.0, self.position.frames, np.asarray(gradient), np.asarray(hessian)
+        gradient = np.asarray(gradient) + self.size * self.position.frame.by_size
+        return 0.0, self.position.frames, gradient, np.asarray(hessian)
 
     def value(self, fitted: list[Floats]) -> Floats:
         """Return the sums (n,) by what is fitted."""
-        return np.asarray(self.position.error(fitted) @ self.shares)
+        size = self.position.deviations(fitted) @ self.position.frame.by_size
+        return np.asarray(self.position.error(fitted) @ self.shares + self.size * size)
 
 
 class PositionModel(MeasurandModel):

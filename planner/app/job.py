@@ -251,7 +251,7 @@ def _from_file(path: Path) -> Any:
 # itself.
 
 
-_OF_MODEL = ("one_per_pattern", "reference_dimensions", "no_basic_dimensions")
+_OF_MODEL = ("one_per_pattern", "reference_dimensions", "no_basic_dimensions", "no_positions")
 """Options that choose among the dimensions of the model."""
 
 
@@ -327,6 +327,7 @@ def choice_of(options: DimensionTargets) -> ModelDimensions:
         options.one_per_pattern,
         options.reference_dimensions,
         not options.no_basic_dimensions,
+        not options.no_positions,
     )
 
 

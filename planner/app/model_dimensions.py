@@ -41,6 +41,8 @@ class ModelDimensions:
         Plan reference dimensions, too.
     basic : bool
         Plan basic dimensions.
+    positions : bool
+        Plan positions, symmetry and coaxiality.
 
     Raises
     ------
@@ -58,6 +60,7 @@ class ModelDimensions:
     one_per_pattern: bool = False
     reference: bool = False
     basic: bool = True
+    positions: bool = True
 
     def __post_init__(self) -> None:
         check_number("share", self.share, ABOVE_0_TO_1)
@@ -92,6 +95,7 @@ class ModelDimensions:
             one_per_pattern=self.one_per_pattern,
             reference=self.reference,
             basic=self.basic,
+            positions=self.positions,
         )
         if not items:
             raise _nothing_to_plan(stated, part)

@@ -229,6 +229,9 @@ class DimensionTargets(Command):
     no_basic_dimensions
         with --dimensions all: leave out basic dimensions, which are theoretically exact and have no tolerance (default:
         they are planned to --accuracy)
+    no_positions
+        with --dimensions all: leave out positions, symmetry and coaxiality, whose datums must be in the same image
+        (default: they are planned where edges show their datums)
     share
         share of a tolerance's half width that is permitted as error of measurement
     localisation
@@ -247,6 +250,7 @@ class DimensionTargets(Command):
     one_per_pattern: bool = False
     reference_dimensions: bool = False
     no_basic_dimensions: bool = False
+    no_positions: bool = False
     share: Annotated[float, value(SHARE, "S"), ABOVE_0_TO_1] = 0.25
     localisation: Annotated[str | None, _named("MODEL")] = None
     surfaces_mm: OptionalLength = None

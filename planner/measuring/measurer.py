@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
@@ -30,7 +31,8 @@ from planner.identity import PartRecord
 from planner.light.light_plan import beside, irradiance
 from planner.measuring.advice import advice_of_images, advised, with_advice
 from planner.measuring.images import WELL_EXPOSED, ImageSet, Picture, Shot, read_images, shots_of
-from planner.measuring.part_posterior import PartPosterior
+from planner.measuring.merging import joined_ends, merged, weights_of
+from planner.measuring.part_posterior import KnownImage, PartPosterior
 from planner.measuring.reading import (
     Reading,
     entity_samples,
@@ -46,9 +48,6 @@ from planner.measuring.results import (
     MeasurementResults,
     Result,
     Source,
-    joined_ends,
-    merged,
-    weights_of,
 )
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartEdge, PartModel
 from planner.measuring.seen_breaks import edges_text, seen_break, seen_notes, unseen_breaks
@@ -99,7 +98,9 @@ def _unplanned(plan: InspectionPlan) -> list[str]:
     ]
 
 
-def read_with(value: Measurand, read: Callable[[Measurand], Reading]) -> Reading:
+def read_with(
+    value: Measurand, read: Callable[[Measurand], Reading], *, with_size: bool = False
+) -> Reading:
     """Return the reading of a value; a position is read by its components.
 
     Parameters
@@ -108,24 +109,41 @@ def read_with(value: Measurand, read: Callable[[Measurand], Reading]) -> Reading
         The value.
     read : callable
         Reads a value that is nearly linear in what is fitted.
+    with_size : bool
+        Whether the diameter of a position's rim is read, too.
 
     Returns
     -------
     Reading
         Of a position 2‖e‖ the uncertainty is that along e, and ``deviation_mm`` and ``covariance_mm2`` are those of e.
+        With a size, the covariance has a further row and column for it.
     """
     if not isinstance(value, Position):
         return read(value)
     n = len(value.frame.errors)
-    components = [read(value.along(np.eye(n)[k])) for k in range(n)]
-    if not components[0].measured:
-        return components[0]
-    e = np.array([component.value for component in components])
-    covariance = np.diag([component.standard_uncertainty**2 for component in components])
-    if n == 2:
-        both = read(value.along(np.ones(2))).standard_uncertainty ** 2
-        covariance[0, 1] = covariance[1, 0] = 0.5 * (both - np.trace(covariance))
-    axis = np.linalg.eigh(covariance)[1][:, -1]
+    first = read(value.along(np.eye(n)[0]))
+    if not first.measured:
+        return first
+    # of sums of two, the variance tells their covariance
+    shares = np.eye(n + with_size)
+    m = len(shares)
+    readings = {
+        (i, j): read(value.along(row[:n], float(row[n:].sum())))
+        for i in range(m)
+        for j in range(i, m)
+        for row in (shares[i] + (i != j) * shares[j],)
+    }
+    variances = {pair: reading.standard_uncertainty**2 for pair, reading in readings.items()}
+    covariance = np.diag([variances[k, k] for k in range(m)])
+    for (i, j), variance in variances.items():
+        if i != j:
+            both = 0.5 * (variance - variances[i, i] - variances[j, j])
+            covariance[i, j] = covariance[j, i] = both
+    e = np.array([readings[k, k].value for k in range(n)])
+    size_mm = math.nan
+    if with_size:
+        size_mm = value.size_mm + readings[n, n].value
+    axis = np.linalg.eigh(covariance[:n, :n])[1][:, -1]
     distance = float(np.linalg.norm(e))
     if distance > 0.0:
         axis = e / distance
@@ -135,6 +153,7 @@ def read_with(value: Measurand, read: Callable[[Measurand], Reading]) -> Reading
         value=2.0 * distance,
         deviation_mm=tuple(e.tolist()),
         covariance_mm2=tuple(map(tuple, covariance.tolist())),
+        size_mm=size_mm,
     )
 
 
@@ -769,8 +788,7 @@ class Measurer:
         for name in shot.targets:
             image = known.known(name, shot.name)
             half_px = self._half_px(shot, image.registered)[name]
-            reading = self._read_target(shot, name, picture, image.registered, half_px, options)
-            readings.append(image.corrected(reading))
+            readings.append(self._read_target(shot, name, picture, image, half_px, options))
         return readings
 
     def _read_target(
@@ -778,11 +796,12 @@ class Measurer:
         shot: Shot,
         name: str,
         picture: Picture,
-        registered: Registered,
+        image: KnownImage,
         half_px: float,
         options: MeasureOptions,
     ) -> Reading:
-        """Return the reading of a target in an image."""
+        """Return the reading of a target in an image, as it is at the joint estimate of all images."""
+        registered = image.registered
         key = witness_key(self.plan.settings[shot.setting], name)
         target = self._by_witness[key]
         place = (name, shot.name, shot.setting)
@@ -791,7 +810,7 @@ class Measurer:
         edges = list(self.model.measured[key])
         if target.measurand.in_image:
             search = (half_px, options.coverage, floor_px)
-            return read_length(
+            reading = read_length(
                 place,
                 target.measurand,
                 edges[0],
@@ -801,6 +820,7 @@ class Measurer:
                 search,
                 edge_state,
             )
+            return image.corrected(reading)
         samples = entity_samples(self.model, edges, registered, picture.camera, half_px)
         scans = [
             scan_entity(
@@ -816,11 +836,13 @@ class Measurer:
             )
             for k, (edge, frame) in enumerate(zip(edges, target.measurand.frames, strict=True))
         ]
+        # components of a position are corrected before its length is taken
         return read_with(
             target.measurand,
-            lambda value: read_value(
-                place, value, scans, registered, self.model, floor_px, picture.camera
+            lambda value: image.corrected(
+                read_value(place, value, scans, registered, self.model, floor_px, picture.camera)
             ),
+            with_size=target.material is not None,
         )
 
     def _ends_of_others(self) -> dict[str, list[MeasuredEnd]]:

@@ -643,7 +643,9 @@ class Reading:
     deviation_mm : tuple of float
         Of a position its deviation e from the true one, in the axes of the datum reference frame; otherwise empty.
     covariance_mm2 : tuple of tuple of float
-        Covariance of these; otherwise empty.
+        Covariance of these, and of the size if there is one; otherwise empty.
+    size_mm : float
+        Of a position with a material condition, the diameter of its hole or pin, measured on the same rim.
     entity : str
         The entity, if the value is what it would be if only this one of several was off; otherwise empty.
     """
@@ -669,6 +671,7 @@ class Reading:
     moved: Annotated[bool, NOT_STORED] = False
     deviation_mm: tuple[float, ...] = ()
     covariance_mm2: tuple[tuple[float, ...], ...] = ()
+    size_mm: NumberOrNull = math.nan
     entity: str = ""
 
     def __repr__(self) -> str:

@@ -561,6 +561,20 @@ class ResponseRecord:
     gamma_sd: NumberOrNull = math.nan
 
 
+def _position_vector(reading: Reading) -> Array:
+    """Return what is measured of a position: its deviation, and its size if there is one."""
+    has_size = len(reading.covariance_mm2) > len(reading.deviation_mm)
+    return np.array([*reading.deviation_mm, *((reading.size_mm,) * has_size)])
+
+
+def _apart(reading: Reading, other: Reading) -> Array:
+    """Return the covariance that a position has by how it differs in another image; all of it if it is not there."""
+    if not other.measured:
+        return np.array(reading.covariance_mm2)
+    apart = _position_vector(other) - _position_vector(reading)
+    return np.outer(apart, apart)
+
+
 @dataclass(frozen=True)
 class JudgedResponse:
     """What the edges of all images say of the response.
@@ -612,10 +626,16 @@ class JudgedResponse:
         if self.is_refused:
             return _refused(reading, self.reason)
         variance = 0.0
+        covariance = np.array(reading.covariance_mm2)
         for other in others:
             # what is not measured there at all is off by as much as it is uncertain
             off = other.value - reading.value if other.measured else reading.standard_uncertainty
             variance += off**2
+            if reading.deviation_mm:
+                apart = _position_vector(other) - _position_vector(reading)
+                # as a share of what is known of it
+                missing = np.array(reading.covariance_mm2)
+                covariance += np.outer(apart, apart) if other.measured else missing
         total = reading.standard_uncertainty**2 + variance
         if self.reason and variance > MOST_SHARE * total:
             return _refused(reading, self.reason)
@@ -626,6 +646,7 @@ class JudgedResponse:
             standard_uncertainty=u,
             budget={**reading.budget, SOURCE: variance},
             drawn_uncertainty=times * reading.drawn_uncertainty,
+            covariance_mm2=tuple(map(tuple, covariance.tolist())),
         )
 
     def notes(self, readings: Mapping[str, Sequence[Reading]]) -> list[str]:

@@ -11,23 +11,14 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, NamedTuple
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph.entities.entity_rules import table_text
-from errors.checks import chi_squared_quantile
-from errors.many_images import best_weights
 from errors.measurands import Decision as Decision
 from errors.measurands import DecisionRule as DecisionRule
-from errors.measurands import (
-    acceptance_limits,
-    conformance_probability,
-    decide,
-    decide_deviation,
-    deviation_interval,
-)
 from errors.measurands.measurand import COVERAGE
 from ground.convert import Key, Meta, NullIs, Shape, json_schema, to_plain
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
@@ -37,20 +28,10 @@ from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import NumberOrNull, Registered
 from planner.measuring.response import ResponseRecord
-from planner.request.dimension import POSITION, plain_tolerance
-from planner.request.targets import Target
+from planner.request.dimension import POSITIONS, plain_tolerance, zone_text
 from planner.request.words import tolerance_text
 
 # Results: the readings of one target merged, its expanded uncertainty, and the decision.
-
-
-CONSISTENT = 0.99
-"""Readings of one target that differ more than with this probability are said to disagree."""
-
-
-_LEAST_VARIANCE = 1e-24
-# errors that readings from several images have in common beside poses and surfaces
-_ALIKE = ("localisation floor", "response", "edge state")
 
 
 _Limits = tuple[Annotated[float, NullIs(-math.inf)], Annotated[float, NullIs(math.inf)]]
@@ -85,19 +66,28 @@ def decimals_of(uncertainty: float) -> int:
 
 
 def nominal_text(result: Result) -> str:
-    """Return the nominal value with its unit and tolerance; of a position the zone."""
-    if result.kind == POSITION and result.tolerance is not None:
-        return f"⌀{result.tolerance[1]:.6g} {result.unit}"
+    """Return the nominal value with its unit and tolerance; of a position its zone, with the bonus."""
+    if result.kind in POSITIONS and result.tolerance is not None:
+        bonus = f" + {result.bonus_mm:.3g} bonus" if math.isfinite(result.bonus_mm) else ""
+        return f"{zone_text(result.kind, result.tolerance[1])}{bonus} {result.unit}"
     tolerance = "" if result.tolerance is None else f" {tolerance_text(result.tolerance)}"
     return f"{result.nominal:.6g} {result.unit}{tolerance}"
 
 
 def value_texts(result: Result) -> tuple[str, str]:
-    """Return a value and its U; nothing of what was not measured."""
+    """Return a value and its U; of a position the interval instead, and nothing of what was not measured."""
     if not result.measured:
         return "", ""
     u = result.expanded_uncertainty
+    if result.interval is not None:
+        return number_text(result.value, u), interval_text(result.interval, u)
     return number_text(result.value, u), number_text(u, u)
+
+
+def interval_text(interval: tuple[float, float], uncertainty: float) -> str:
+    """Return an interval of a value with 95 %, with the digits of its uncertainty."""
+    low, high = (number_text(end, uncertainty) for end in interval)
+    return f"{low} .. {high}"
 
 
 def verdict(results: MeasurementResults) -> str:
@@ -151,6 +141,14 @@ class Result(ShownInNotebook):
         is left between the guard bands.
     advice : str
         What to change in the shop if it was not measured; empty if nothing is known.
+    interval : (float, float) or None
+        Of a position, the interval that its value lies in with 95 %: near 0, U does not describe it.
+    bonus_mm : float
+        By how much the measured size widens the zone of a position; nan without a material condition.
+    material : str
+        Its material condition, "M" or "L"; otherwise empty.
+    datums : tuple of str
+        Of a position, the names of what shows its datums, in their order.
     deviation : float
         Measured value minus nominal value.
     expanded_uncertainty : float
@@ -177,6 +175,10 @@ class Result(ShownInNotebook):
         Meta(description="Deviations between which the rule accepts; null: it accepts none."),
     ] = None
     advice: str = ""
+    interval: tuple[float, float] | None = None
+    bonus_mm: NumberOrNull = math.nan
+    material: str = ""
+    datums: tuple[str, ...] = ()
     deviation: NumberOrNull = field(init=False)
     expanded_uncertainty: Annotated[NumberOrNull, Key("U")] = field(init=False)
 
@@ -206,6 +208,8 @@ class Result(ShownInNotebook):
         """Return a one-line summary."""
         value, u = value_texts(self)
         measured = f"{value} ± {u} {self.unit}, " if self.measured else ""
+        if self.interval is not None:
+            measured = f"{value} ({u}) {self.unit}, "
         return f"<Result {self.name!r}: {measured}{self.decision.value}>"
 
     def _notebook_view(self) -> NotebookView:
@@ -213,7 +217,7 @@ class Result(ShownInNotebook):
         rows = [
             ("nominal", nominal_text(self)),
             ("value", f"{value} {self.unit}" if value else self.reason),
-            ("U (k = 2)", f"{u} {self.unit}" if u else ""),
+            ("U (k = 2)" if self.interval is None else "95 %", f"{u} {self.unit}" if u else ""),
             ("decision", _decision_cell(self.decision)),
         ]
         for reading in self.readings:
@@ -226,87 +230,7 @@ class Result(ShownInNotebook):
         )
 
 
-def merged(
-    name: str,
-    target: Target,
-    readings: Sequence[Reading],
-    rule: DecisionRule,
-    missing: str = "",
-    *,
-    common: NDArray[np.float64] | None = None,
-) -> Result:
-    """Return the result of a target.
-
-    Readings have the weights that make the variance least, see `errors.many_images.best_weights`. Single points are
-    independent between images. The floor of the localisation, the response and broken edges are common, and do not
-    average out.
-
-    Parameters
-    ----------
-    name : str
-        The target's name.
-    target : Target
-        The target.
-    readings : sequence of Reading
-        Its readings.
-    rule : DecisionRule
-        How it is decided.
-    missing : str
-        Why there is no reading at all.
-    common : array (n, n), optional
-        Covariance of the measured readings by poses and surfaces. Default: poses are independent, and surfaces common.
-    """
-    target_fields = (name, target.kind, target.unit, target.nominal, target.tolerance)
-    good = [reading for reading in readings if reading.measured]
-    if not good:
-        reason = missing or "; ".join(dict.fromkeys(f"{r.image}: {r.reason}" for r in readings))
-        nothing = (math.nan, math.nan, Decision.NOT_MEASURED, math.nan)
-        # of the image in which most of it was found
-        advised = sorted(
-            (r for r in readings if r.advice), key=lambda r: r.found_share, reverse=True
-        )
-        advice = advised[0].advice if advised else ""
-        reason = reason or "no image shows it"
-        return Result(*target_fields, *nothing, reason, tuple(readings), advice=advice)
-    if good[0].deviation_mm and target.tolerance is not None:
-        return _position_result(name, target, readings, rule)
-    return _measured(name, target, readings, _weighted(good, common), rule)
-
-
-def joined_ends(
-    name: str,
-    target: Target,
-    ends: Sequence[Reading],
-    rule: DecisionRule,
-    common: NDArray[np.float64],
-) -> Result:
-    """Return the result of a target whose entities are read in different images.
-
-    The deviation is the sum of those by each entity. Localisation and its floor are errors of each entity. Response and
-    broken edges may move both alike, so their standard deviations are added up.
-
-    Parameters
-    ----------
-    name : str
-        The target's name.
-    target : Target
-        The target.
-    ends : sequence of Reading (n,)
-        The reading of each entity.
-    rule : DecisionRule
-        How it is decided.
-    common : array (n, n)
-        Covariance of the readings by poses and surfaces.
-    """
-    value = target.nominal + math.fsum(end.value - target.nominal for end in ends)
-    variance = float(common.sum()) + math.fsum(_of_points(ends).values())
-    where = ", ".join(f"{end.entity} in {end.image}" for end in ends)
-    notes = (f"no image shows all of it: {where}",)
-    combined = _Combined(value, math.sqrt(variance), notes)
-    return _measured(name, target, ends, combined, rule)
-
-
-def _of_points(ends: Sequence[Reading]) -> dict[str, float]:
+def variances_of_points(ends: Sequence[Reading]) -> dict[str, float]:
     """Return the variance of the sum of readings of different entities by each source but poses and surfaces."""
     variances = {
         source: math.fsum(end.budget[source] for end in ends)
@@ -322,7 +246,7 @@ def _budget_of_ends(ends: Sequence[Reading], u: float) -> dict[str, float]:
 
     What poses and surfaces have in common is divided among them as the readings have it.
     """
-    of_points = _of_points(ends)
+    of_points = variances_of_points(ends)
     parts = {
         source: math.fsum(end.budget[source] for end in ends)
         for source in SOURCES
@@ -335,114 +259,6 @@ def _budget_of_ends(ends: Sequence[Reading], u: float) -> dict[str, float]:
         source: of_points[source] if source in of_points else share * parts[source]
         for source in SOURCES
     }
-
-
-class _Combined(NamedTuple):
-    """The value of several readings, its standard uncertainty, and what the user should know."""
-
-    value: float
-    u: float
-    notes: tuple[str, ...] = ()
-
-
-def _measured(
-    name: str,
-    target: Target,
-    readings: Sequence[Reading],
-    combined: _Combined,
-    rule: DecisionRule,
-) -> Result:
-    """Return the result of a target that has a value."""
-    value, u, notes = combined
-    notes += tuple(dict.fromkeys(note for r in readings if r.measured for note in r.notes))
-    deviation = value - target.nominal
-    decision = decide(deviation, u, target.tolerance, rule)
-    probability = math.nan
-    accepted = None
-    if target.tolerance is not None:
-        probability = conformance_probability(deviation, u, target.tolerance)
-        accepted = acceptance_limits(target.tolerance, u, rule)
-    return Result(
-        *(name, target.kind, target.unit, target.nominal, target.tolerance),
-        *(value, u, decision, probability),
-        *("", tuple(readings), notes, accepted),
-    )
-
-
-def _position_result(
-    name: str, target: Target, readings: Sequence[Reading], rule: DecisionRule
-) -> Result:
-    """Return the result of a position, by its best reading: two components, decided in a disc."""
-    good = [reading for reading in readings if reading.measured]
-    best = min(good, key=lambda reading: float(np.trace(np.array(reading.covariance_mm2))))
-    tolerance = target.tolerance or (0.0, 0.0)
-    covariance = np.array(best.covariance_mm2)
-    decision, probability = decide_deviation(best.deviation_mm, covariance, tolerance[1], rule)
-    e = ", ".join(f"{component:+.4f}" for component in best.deviation_mm)
-    notes = [
-        f"e = ({e}) mm in the plane of the rim and the axes of the datum frame; a rim does not show the axis"
-    ]
-    if len(best.deviation_mm) == 2:
-        low, high = deviation_interval(best.deviation_mm, covariance)
-        notes.append(f"{low:.4f} to {high:.4f} mm with 95 %")
-    if len(good) > 1:
-        notes.append(f"from {best.image}, the surest of {len(good)} images")
-    notes += dict.fromkeys(note for reading in good for note in reading.notes)
-    return Result(
-        *(name, target.kind, target.unit, target.nominal, tolerance),
-        *(best.value, best.standard_uncertainty, decision, probability),
-        *("", tuple(readings), tuple(notes)),
-    )
-
-
-def weights_of(
-    readings: Sequence[Reading], common: NDArray[np.float64] | None
-) -> NDArray[np.float64]:
-    """Return the weights of measured readings of one target, see `merged` and `joined_ends`."""
-    if len(readings) == 1 or readings[0].entity:
-        return np.ones(len(readings))
-    return best_weights(_apart(readings, common) + _alike(readings))
-
-
-def _apart(readings: Sequence[Reading], common: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """Return the covariance (n, n) of measured readings but for what moves those of all images alike."""
-    if common is not None:
-        return common + np.diag([reading.budget["localisation"] for reading in readings])
-    surfaces = np.sqrt([reading.budget["surfaces"] for reading in readings])
-    covariance = np.outer(surfaces, surfaces)
-    each = [
-        reading.standard_uncertainty**2 - math.fsum(reading.budget[source] for source in _ALIKE)
-        for reading in readings
-    ]
-    np.fill_diagonal(covariance, np.maximum(each, _LEAST_VARIANCE))
-    return covariance
-
-
-def _alike(readings: Sequence[Reading]) -> NDArray[np.float64]:
-    """Return the covariance (n, n) of readings by what moves those of all images alike."""
-    sigmas = [np.sqrt([reading.budget[source] for reading in readings]) for source in _ALIKE]
-    return np.sum([np.outer(sigma, sigma) for sigma in sigmas], axis=0)
-
-
-def _weighted(readings: Sequence[Reading], common: NDArray[np.float64] | None) -> _Combined:
-    """Return the weighted mean of readings, its standard uncertainty, and notes."""
-    if len(readings) == 1:
-        return _Combined(readings[0].value, readings[0].standard_uncertainty)
-    apart = _apart(readings, common)
-    alike = _alike(readings)
-    weights = best_weights(apart + alike)
-    values = np.array([reading.value for reading in readings])
-    value = float(weights @ values)
-    u = math.sqrt(max(float(weights @ (apart + alike) @ weights), 0.0))
-    # what readings may have in common, they need not have: they may differ by it
-    inverse = np.linalg.inv(apart + np.diag(np.diag(alike)))
-    off = values - (inverse @ values).sum() / inverse.sum()
-    spread = float(off @ inverse @ off)
-    freedoms = len(readings) - 1
-    if spread <= chi_squared_quantile(CONSISTENT, freedoms):
-        return _Combined(value, u)
-    note = f"{len(readings)} readings disagree: u is enlarged by their spread"
-    return _Combined(value, u * math.sqrt(spread / freedoms), (note,))
 
 
 @dataclass(frozen=True)
@@ -493,6 +309,12 @@ CHARACTERISTICS = {
 }
 """Characteristics of QIF by kind of target."""
 
+POSITION_CHARACTERISTICS = {"position": "Position", "width_position": "Position"}
+"""The same of kinds that have a zone and a datum reference frame."""
+_ZONES = {"position": "DiametricalZone", "width_position": "NonDiametricalZone"}
+_MODIFIERS = {"": "REGARDLESS", "M": "MAXIMUM", "L": "LEAST"}
+_PRECEDENCES = ("PRIMARY", "SECONDARY", "TERTIARY", "QUATERNARY", "QUINARY")
+
 # UUIDs of names below this one are the program's own
 _OWN = uuid.UUID("6f1c3f0e-6f3b-5a53-9d5b-1e3f0a3b7c11")
 _STANDARDS = {
@@ -540,7 +362,8 @@ def qif_text(results: MeasurementResults) -> str:
     standard = ids.next()
     _standards(root, standard, results.rule.name)
     _units(root)
-    items = _characteristics(root, results, standard, ids)
+    frames = _frames(root, results, ids)
+    items = _characteristics(root, results, standard, ids, frames)
     _results(root, results, items, ids)
     root.set("idMax", str(ids.last))
     ET.indent(root)
@@ -552,7 +375,8 @@ def _header(root: ET.Element, results: MeasurementResults) -> None:
     application = _add(header, "Application")
     _add(application, "Name", f"aspectgraph {results.source.program}")
     part = results.source.part or "part"
-    names = [result.name for result in results if result.kind not in CHARACTERISTICS]
+    written = {result.name for result in _written(results)}
+    names = [result.name for result in results if result.name not in written]
     also = ""
     if names:
         also = f"; not in this file: {', '.join(names)}"
@@ -581,8 +405,40 @@ def _units(root: ET.Element) -> None:
         _add(_add(unit, "UnitConversion"), "Factor", factor)
 
 
+def _frames(root: ET.Element, results: MeasurementResults, ids: _Ids) -> dict[tuple[str, ...], str]:
+    """Write the datums and their reference frames; return the ids of the frames by their datums."""
+    frames = dict.fromkeys(result.datums for result in _written(results) if result.datums)
+    if not frames:
+        return {}
+    labels = dict.fromkeys(label for datums in frames for label in datums)
+    parent = _list(root, "DatumDefinitions", len(labels))
+    definitions = {}
+    for label in labels:
+        definitions[label] = ids.next()
+        datum = _add(parent, "DatumDefinition", id=definitions[label])
+        _add(datum, "DatumLabel", re.sub(r"[^\w.-]", "_", label, flags=re.ASCII))
+    parent = _list(root, "DatumReferenceFrames", len(frames))
+    numbers = {}
+    for datums in frames:
+        numbers[datums] = ids.next()
+        frame = _add(parent, "DatumReferenceFrame", id=numbers[datums])
+        listed = _list(frame, "Datums", len(datums))
+        for label, precedence in zip(datums, _PRECEDENCES, strict=False):
+            datum = _add(listed, "Datum")
+            simple = _add(datum, "SimpleDatum")
+            _add(simple, "DatumDefinitionId", definitions[label])
+            _add(simple, "MaterialModifier", _MODIFIERS[""])
+            _add(simple, "ReferencedComponent", "ACTUAL")
+            _add(_add(datum, "Precedence"), "PrecedenceEnum", precedence)
+    return numbers
+
+
 def _characteristics(
-    root: ET.Element, results: MeasurementResults, standard: str, ids: _Ids
+    root: ET.Element,
+    results: MeasurementResults,
+    standard: str,
+    ids: _Ids,
+    frames: Mapping[tuple[str, ...], str],
 ) -> list[str]:
     """Write definition, nominal and item of each target; return the ids of the items."""
     lists = _add(root, "Characteristics")
@@ -593,13 +449,18 @@ def _characteristics(
     items = [ids.next() for _ in every]
     parent = _list(lists, "CharacteristicDefinitions", len(every))
     for result, number in zip(every, definitions, strict=True):
-        _definition(_add(parent, f"{_characteristic(result)}Definition", id=number), result)
+        element = _add(parent, f"{_characteristic(result)}Definition", id=number)
+        if result.kind in POSITION_CHARACTERISTICS:
+            _position_definition(element, result, frames)
+        else:
+            _definition(element, result)
     parent = _list(lists, "CharacteristicNominals", len(every))
     for result, number, definition in zip(every, nominals, definitions, strict=True):
         element = _add(parent, f"{_characteristic(result)}Nominal", id=number)
         _add(element, "CharacteristicDefinitionId", definition)
         _add(element, "Name", result.name)
-        _add(element, "TargetValue", _decimal(result.nominal))
+        if result.kind not in POSITION_CHARACTERISTICS:
+            _add(element, "TargetValue", _decimal(result.nominal))
         if "Between" in element.tag:
             _add(element, "AnalysisMode", "THREEDIMENSIONAL")
     parent = _list(lists, "CharacteristicItems", len(every))
@@ -614,8 +475,29 @@ def _characteristics(
 
 
 def _written(results: MeasurementResults) -> list[Result]:
-    """Return the results that the file can hold: a position would need its datums as features."""
-    return [result for result in results if result.kind in CHARACTERISTICS]
+    """Return the results that the file holds: values, and positions with their zones."""
+    return [
+        result
+        for result in results
+        if result.kind in CHARACTERISTICS
+        or (
+            result.kind in POSITION_CHARACTERISTICS
+            and result.tolerance is not None
+            and len(result.datums) <= len(_PRECEDENCES)
+        )
+    ]
+
+
+def _position_definition(
+    element: ET.Element, result: Result, frames: Mapping[tuple[str, ...], str]
+) -> None:
+    """Write the zone of a position, its datum reference frame and its material condition."""
+    assert result.tolerance is not None, "a position has a zone"
+    _add(element, "ToleranceValue", _decimal(result.tolerance[1]))
+    if result.datums:
+        _add(element, "DatumReferenceFrameId", frames[result.datums])
+    _add(element, "MaterialCondition", _MODIFIERS[result.material])
+    _add(_add(element, "ZoneShape"), _ZONES[result.kind])
 
 
 def _definition(element: ET.Element, one: Result) -> None:
@@ -697,7 +579,7 @@ def _part_status(results: MeasurementResults) -> str:
 
 
 def _characteristic(one: Result) -> str:
-    return f"{CHARACTERISTICS[one.kind]}Characteristic"
+    return f"{(CHARACTERISTICS | POSITION_CHARACTERISTICS)[one.kind]}Characteristic"
 
 
 def _add(parent: ET.Element, tag: str, text: str = "", **attributes: str) -> ET.Element:
@@ -742,12 +624,15 @@ COLUMNS = (
         "overexposed",
     ),
     *(f"u_{source.replace(' ', '_')}" for source in SOURCES),
-    *("reason", "advice"),
+    *("reason", "advice", "interval_from", "interval_to", "bonus"),
 )
 """Columns of the table."""
 
 _WITH_UNIT = frozenset(
-    ("nominal", "lower", "upper", "value", "deviation", "u", "U", "accepted_from", "accepted_to")
+    (
+        *("nominal", "lower", "upper", "value", "deviation", "u", "U"),
+        *("accepted_from", "accepted_to", "interval_from", "interval_to", "bonus"),
+    )
 )
 # shares and pixels
 _NOMINAL_DECIMALS = 5
@@ -1080,7 +965,7 @@ def _rounded_row(row: Mapping[str, Any]) -> dict[str, Any]:
     for name, value in row.items():
         if not isinstance(value, float):
             continue
-        if name in ("value", "deviation", "u", "U"):
+        if name in ("value", "deviation", "u", "U", "interval_from", "interval_to", "bonus"):
             rounded[name] = round(value, decimals + (name == "u"))
         elif name == "nominal":
             # a double's last digits are no drawing's
@@ -1134,5 +1019,7 @@ def _row(one: Result) -> dict[str, Any]:
         counts.get("overexposed", 0) / total if total else None,
         *(math.sqrt(budget[source]) if budget else None for source in SOURCES),
         *(one.reason, one.advice),
+        *(one.interval or (None, None)),
+        _number(one.bonus_mm),
     )
     return dict(zip(COLUMNS, values, strict=True))

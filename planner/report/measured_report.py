@@ -32,7 +32,7 @@ from planner.measuring.results import (
 )
 from planner.measuring.samples import STATE_TEXTS, State
 from planner.report.tables import CellLine
-from planner.request.dimension import POSITION
+from planner.request.dimension import POSITIONS
 from planner.request.edge_state import UNSTATED_MM
 from planner.text_table import Column, Table, print_table, print_text, words
 
@@ -41,11 +41,12 @@ from planner.text_table import Column, Table, print_table, print_text, words
 
 def print_results(results: MeasurementResults) -> None:
     """Print measured values with their uncertainties and decisions, and why others have none."""
+    has_u = all(result.interval is None for result in results)
     columns = (
         Column("target"),
         Column("nominal", right=True),
         Column("value", right=True),
-        Column("U (k = 2)", right=True),
+        Column("U (k = 2)" if has_u else "U (k = 2) or 95 %", right=True),
         Column("found", right=True),
         Column("decision"),
     )
@@ -245,7 +246,7 @@ def residual_plot(points: NDArray[np.void], title: str) -> Residuals:
 
 def value_bar(result: Result, rule: DecisionRule) -> ValueBar | None:
     """Return a value with its U in the tolerance; None without both, or of a position, which is decided in a disc."""
-    if not result.measured or result.tolerance is None or result.kind == POSITION:
+    if not result.measured or result.tolerance is None or result.kind in POSITIONS:
         return None
     lower, upper = result.tolerance
     expanded = result.expanded_uncertainty
@@ -453,12 +454,13 @@ def _break_explanation(results: MeasurementResults) -> str:
 def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
     """Return the values, each with a picture of its tolerance or the reason why there is none."""
     unseen = results.unseen
+    has_u = all(result.interval is None for result in ordered)
     columns = (
         Column("target", kind="link"),
         Column("nominal, tolerance", right=True),
         Column("value", right=True),
         Column("deviation", right=True),
-        Column("U (k = 2)", right=True),
+        Column("U (k = 2)" if has_u else "U (k = 2), or 95 % of a position", right=True),
         Column("accepted deviation", right=True),
         *(
             [Column(f"U with breaks to {unseen.limit_mm:.2g} mm", right=True, kind="lines")]
@@ -503,7 +505,7 @@ def _accepted_text(result: Result) -> str:
     """Return the deviations that the rule accepts with this uncertainty; nothing without a tolerance."""
     if not result.measured or result.tolerance is None:
         return ""
-    if result.kind == POSITION:
+    if result.kind in POSITIONS:
         return "decided in a disc"
     if result.accepted is None:
         return "none: u is too large"
@@ -553,6 +555,11 @@ def _sentence(result: Result) -> str:
         f"{result.kind.replace('_', ' ').capitalize()} {value} {result.unit}, "
         f"deviation {_minus(f'{result.deviation:+.{decimals}f}')}, U = {uncertainty}."
     )
+    if result.interval is not None:
+        zone = nominal_text(result)
+        text = (
+            f"Position {value} {result.unit} in {zone}, with 95 % in {uncertainty} {result.unit}."
+        )
     if math.isfinite(result.conformance_probability):
         probability = probability_text(result.conformance_probability)
         if not float(probability.removeprefix("> ")):

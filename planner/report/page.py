@@ -22,6 +22,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose import look_at, world_to_cam
 from planner.exceptions import RequestError
 from planner.progress import report
+from planner.report.coverage import coverage_html
 from planner.report.figure import (
     GraphPicture,
     arm_section,
@@ -732,6 +733,7 @@ def make_report(
         "figures": _figures(plan),
         "facts": facts(plan, date),
         "overview": overview(plan, space.solid),
+        "coverage": coverage_html(plan) if dimensions else "",
         "scene": figure_html(figure, "plan3d", "100%", scrollZoom=True),
         "not_inspected": not_inspected(plan.uninspectable, nouns[0]),
         "not_planned": not_planned(plan.not_planned),

@@ -15,6 +15,7 @@ from errors.checks import frequency_text, interval_text, probability_text
 from planner.optics import PosePrediction, PosesPrediction
 from planner.plan import InspectionPlan
 from planner.progress import visible
+from planner.report.coverage import coverage, verdict_text
 from planner.report.part_tables import vector_text
 from planner.report.tables import nearest_limits
 from planner.report.wording import (
@@ -245,6 +246,8 @@ def print_plan(plan: InspectionPlan) -> None:
     _print_lamps(plan)
     print()
     print_text(words(brief_verdict(plan), names))
+    if plan.not_planned:
+        print_text(f"drawing: {verdict_text(coverage(plan))}")
     _print_not_inspected(plan)
     for text in _notes(plan):
         print_text(words(text, names), indent="  ")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+from ground.convert import Meta
 from ground.short_repr import short_repr
 from planner.argument_kinds import (
     ABOVE_0_TO_1,
@@ -117,7 +118,96 @@ def check_side(tolerance_class: str, solid: Solid, arcs: Sequence[Arc]) -> None:
 
 
 POSITION = "position"
-"""The kind of a dimension that is a position: its value is twice a deviation, so its nominal value is 0."""
+"""The kind of a dimension that is the position of a rim."""
+
+WIDTH_POSITION = "width_position"
+"""That of a slot or tab, by its two edges."""
+
+POSITIONS = (POSITION, WIDTH_POSITION, "symmetry", "coaxiality")
+"""Kinds whose value is twice a deviation from a true place, so that the nominal value is 0."""
+
+_WIDTHS = (WIDTH_POSITION, "symmetry")
+
+
+@dataclass(frozen=True)
+class MaterialCondition:
+    """The limit of size from which a material condition widens the zone of a position (ISO 2692).
+
+    Attributes
+    ----------
+    condition : str
+        "M" for the maximum material condition, "L" for the least one.
+    limit_mm : float
+        Diameter of the hole or pin at this condition, mm.
+    is_hole : bool
+        Whether it is a hole.
+    """
+
+    condition: Annotated[str, Meta(pattern="^[ML]$", title="must be M or L")]
+    limit_mm: Annotated[float, Meta(gt=0, title="must be positive and finite")]
+    is_hole: bool
+
+    @classmethod
+    def of(
+        cls, condition: str, deviations: tuple[float, float], nominal_mm: float, is_hole: bool
+    ) -> MaterialCondition:
+        """Return the condition of a size with its deviations.
+
+        Parameters
+        ----------
+        condition : str
+            "M" or "L".
+        deviations : (float, float)
+            Lower and upper deviation of the diameter, mm.
+        nominal_mm : float
+            Its nominal value.
+        is_hole : bool
+            Whether it is a hole.
+
+        Raises
+        ------
+        RequestError
+            The size has no limit at this condition.
+        """
+        lower, upper = deviations
+        limit = lower if is_hole == (condition == "M") else upper
+        if not math.isfinite(limit):
+            side = "lower" if limit < 0 else "upper"
+            raise RequestError.of_rule(
+                "size", f"must have a {side} limit for ({condition})", f"[{lower:g}, {upper:g}]"
+            )
+        return cls(condition, nominal_mm + limit, is_hole)
+
+    @property
+    def has_lower_limit(self) -> bool:
+        """Whether the zone grows with the size."""
+        return self.is_hole == (self.condition == "M")
+
+    def surplus_mm(self, size_mm: float) -> float:
+        """Return by how much a size has left its limit; negative beyond it.
+
+        Parameters
+        ----------
+        size_mm : float
+            A diameter, mm.
+        """
+        apart = size_mm - self.limit_mm
+        return apart if self.has_lower_limit else -apart
+
+    def deviations(self, nominal_mm: float) -> tuple[float, float]:
+        """Return deviations of a size that have this limit, as `Dimension` takes them.
+
+        Parameters
+        ----------
+        nominal_mm : float
+            The nominal diameter.
+        """
+        limit = self.limit_mm - nominal_mm
+        return (limit, math.inf) if self.has_lower_limit else (-math.inf, limit)
+
+
+MATERIAL_CONDITIONS = ("M", "L")
+"""Conditions that widen a zone: maximum and least material."""
 
 QUARTER = 0.25
 """Share of a tolerance's half width that a measurement error may take: the usual 4 : 1 test uncertainty ratio."""
@@ -185,6 +275,16 @@ class Dimension:
     edge_break_mm : (float, float), optional
         By how much its edges are broken along their faces, least and most, mm. Default: what the
         call states of the whole part.
+    material : str
+        ``"M"`` or ``"L"`` if the maximum or least material condition widens the zone of a position.
+        It needs ``size``.
+    size : (float, float), optional
+        Lower and upper deviation of the diameter of the hole or pin, mm, or a class such as
+        ``"H7"``. The diameter is measured with the position, on the same rim.
+    groups : tuple of int
+        Of a position, the number of entities of each datum: 2 of a slot, otherwise 1. Entities after
+        these are the other rims of its pattern, (0,) without a datum. Empty if each datum has one, and
+        there is no pattern.
 
     Raises
     ------
@@ -216,6 +316,9 @@ class Dimension:
     surfaces_from: str = ""
     places: int = 1
     edge_break_mm: tuple[float, float] | None = None
+    material: str = ""
+    size: tuple[float, float] | str | None = None
+    groups: tuple[int, ...] = ()
 
     __repr__ = short_repr
 
@@ -238,6 +341,7 @@ class Dimension:
             check_number("surfaces_mm", self.surfaces_mm, NOT_NEGATIVE)
         if self.edge_break_mm is not None:
             object.__setattr__(self, "edge_break_mm", checked_break(self.edge_break_mm))
+        self._check_material()
         whole = isinstance(self.n_features, int) and not isinstance(self.n_features, bool)
         if not (whole and self.n_features >= 1):
             raise RequestError.of_rule(
@@ -250,6 +354,33 @@ class Dimension:
                 "must be 1 unless it is a distance of two edges",
                 f"{self.places} for a {self.kind.replace('_', ' ')}",
             )
+
+    def _check_material(self) -> None:
+        """Check the material condition of a position, and the limits of its size."""
+        if not self.material and self.size is None:
+            return
+        if self.kind not in POSITIONS:
+            got = f"{self.material or self.size!r} for a {self.kind.replace('_', ' ')}"
+            raise RequestError.of_rule("material and size", "must be those of a position", got)
+        if self.material not in MATERIAL_CONDITIONS:
+            raise RequestError.of_rule(
+                "material", "must be M or L where a size is stated", repr(self.material)
+            )
+        if self.size is None:
+            rule = "must be stated with a material condition: its two deviations, or a class"
+            raise RequestError.of_rule("size", rule, "none")
+        if isinstance(self.size, str):
+            try:
+                size_class = checked_class(self.size, "diameter")
+            except RequestError:
+                rule = "must be two deviations, a class such as H7, or in a file the name of a diameter"
+                raise RequestError.of_rule("size", rule, repr(self.size)) from None
+            object.__setattr__(self, "size", size_class)
+            return
+        try:
+            object.__setattr__(self, "size", checked_tolerance(self.size))
+        except RequestError as error:
+            raise RequestError(str(error).replace("tolerance", "size", 1)) from error
 
     def _check_requirements(self) -> None:
         """Check that one thing is asked; a text of a tolerance is a class, and None in it an infinite limit."""
@@ -408,22 +539,30 @@ class Dimension:
 
     @classmethod
     def position(
-        cls, rim: Target, datums: Sequence[Target], zone_mm: float, **requirement: Any
+        cls,
+        rim: Target,
+        datums: Sequence[Target],
+        zone_mm: float,
+        *,
+        pattern: Sequence[Target] = (),
+        **requirement: Any,
     ) -> Dimension:
-        """Return the position of a hole or pin against datums, in the plane of its rim.
+        """Return the position of a hole, pin or slot against datums, in the plane of its rim.
 
         Parameters
         ----------
         rim : Target
-            The rim, or its id (``"r3"``).
+            The rim, or its id (``"r3"``). Of a slot or tab, a list of its two edges.
         datums : sequence of Target
             Entities that show the datums, in the order of the drawing. An edge shows a plane across, a rim a hole or
-            pin. Leave out a datum that is parallel to the plane of the rim.
+            pin, a list of two edges a slot or tab. Leave out a datum that is parallel to the plane of the rim.
         zone_mm : float
-            Diameter of the zone, mm.
+            Diameter of the zone, mm; of a slot its width.
+        pattern : sequence of Target
+            The other rims of a pattern, all in one image. What the datums leave free is fitted to all rims.
         **requirement
-            As for `Dimension`: ``share`` or ``surfaces_mm``. The error of the position must
-            stay in a disc, whose radius is the share of half of the zone.
+            As for `Dimension`: ``share``, ``surfaces_mm``, or ``material`` with ``size``. The error
+            of the position must stay in a disc, whose radius is the share of half of the zone.
 
         Returns
         -------
@@ -442,12 +581,110 @@ class Dimension:
         >>> bolt.entities, bolt.tolerance, bolt.permitted_error(0.0)
         (('r3', 17, 18), (0.0, 0.2), 0.05)
         """
+        kind = WIDTH_POSITION if _is_pair(rim) else POSITION
+        return cls._placed(kind, rim, datums, zone_mm, pattern, requirement)
+
+    @classmethod
+    def symmetry(
+        cls, edges: Sequence[Target], datum: Sequence[Target], zone_mm: float, **requirement: Any
+    ) -> Dimension:
+        """Return the symmetry of a slot or tab to another one.
+
+        Parameters
+        ----------
+        edges : sequence of two Target
+            The edges of the slot or tab, parallel, in one plane.
+        datum : sequence of two Target
+            Those of the slot or tab that is the datum.
+        zone_mm : float
+            Width of the zone, mm.
+        **requirement
+            As for `position`.
+
+        Returns
+        -------
+        Dimension
+            Twice the distance of the mid-lines, in the middle of the first one.
+
+        Raises
+        ------
+        RequestError
+            If the zone or a requirement breaks its rule.
+
+        Examples
+        --------
+        >>> from planner import Dimension
+        >>> Dimension.symmetry([17, 18], [3, 4], 0.1).entities
+        (17, 18, 3, 4)
+        """
+        if not _is_pair(edges) or not _is_pair(datum):
+            rule = "must be two edges each"
+            raise RequestError.of_rule("edges and datum", rule, f"{edges!r} and {datum!r}")
+        return cls._placed("symmetry", edges, [datum], zone_mm, (), requirement)
+
+    @classmethod
+    def coaxiality(
+        cls, rim: Target, datum: Target, zone_mm: float, **requirement: Any
+    ) -> Dimension:
+        """Return the coaxiality of two circles in parallel planes, in the plane of the first one.
+
+        Parameters
+        ----------
+        rim, datum : Target
+            The rims. Concentricity of circles is the same value.
+        zone_mm : float
+            Diameter of the zone, mm.
+        **requirement
+            As for `position`.
+
+        Returns
+        -------
+        Dimension
+            Twice the distance of the axes. It is measured in the planes of the rims, and does not show how the axes
+            lean.
+
+        Raises
+        ------
+        RequestError
+            If the zone or a requirement breaks its rule.
+
+        Examples
+        --------
+        >>> from planner import Dimension
+        >>> Dimension.coaxiality("r3", "r1", 0.1).permitted_error(0.0)
+        0.025
+        """
+        return cls._placed("coaxiality", rim, [datum], zone_mm, (), requirement)
+
+    @classmethod
+    def _placed(
+        cls,
+        kind: str,
+        first: Target,
+        datums: Sequence[Target],
+        zone_mm: float,
+        pattern: Sequence[Target],
+        requirement: dict[str, Any],
+    ) -> Dimension:
+        """Return what has a place in a frame of datums."""
         check_number("zone_mm", zone_mm, _POSITIVE)
-        if rim in list(datums) or len(set(map(str, datums))) < len(list(datums)):
+        items = [first] if kind not in _WIDTHS else list(first)
+        groups = tuple(2 if _is_pair(datum) else 1 for datum in datums)
+        entities = list(items)
+        for datum, n in zip(datums, groups, strict=True):
+            entities += [datum] if n == 1 else list(datum)
+        entities += pattern
+        if len(set(map(str, entities))) < len(entities):
             rule = "must differ from the rim and from each other"
-            raise RequestError.of_rule("datums", rule, f"{list(datums)} for {rim!r}")
-        stated = _in_mm(requirement)
-        return cls(POSITION, (rim, *datums), tolerance=(0.0, float(zone_mm)), **stated)
+            raise RequestError.of_rule("datums", rule, f"{list(datums)} for {first!r}")
+        usual = not pattern and (set(groups) <= {1} or kind == "symmetry")
+        return cls(
+            kind,
+            tuple(entities),
+            tolerance=(0.0, float(zone_mm)),
+            groups=() if usual else groups or (0,),
+            **_in_mm(requirement),
+        )
 
     @classmethod
     def any_of(cls, dimensions: Sequence[Dimension]) -> Dimension:
@@ -565,12 +802,24 @@ class Dimension:
             got = "none" if self.tolerance is None else "a tolerance with one limit"
             rule = "needs a tolerance, max_error or accuracy"
             raise RequestError(f"a {self.kind} {rule}. Got {got}.")
-        if error >= nominal and dimension.kind != POSITION:
+        if error >= nominal and dimension.kind not in POSITIONS:
             raise RequestError(
                 f"the permitted error of a {self.kind} must be smaller than its nominal value {nominal:.6g}. "
                 f"Got {error:.6g}."
             )
         return error
+
+
+def _is_pair(target: Target) -> bool:
+    """Return whether a target is the two edges of a slot, and not the two end points of one edge."""
+    if not isinstance(target, list | tuple) or len(target) != 2:
+        return False
+    return not all(hasattr(end, "__len__") and len(end) == 3 for end in target)
+
+
+def zone_text(kind: str, zone_mm: float) -> str:
+    """Return the zone of a position, such as ⌀0.2; of a slot its width."""
+    return f"{'' if kind in _WIDTHS else '⌀'}{zone_mm:.6g}"
 
 
 def _in_mm(requirement: dict[str, Any]) -> dict[str, Any]:
@@ -582,7 +831,10 @@ def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
     names = {f"tolerance_{unit}": "tolerance", f"max_error_{unit}": "max_error"}
     names |= {
         name: name
-        for name in ("accuracy", "share", "direction", "tolerance_class", "surfaces_mm", "places")
+        for name in (
+            *("accuracy", "share", "direction", "tolerance_class", "surfaces_mm", "places"),
+            *("material", "size"),
+        )
     }
     if isinstance(requirement.get("tolerance"), str):
         # deviations have their unit in the name; a class has none
@@ -598,7 +850,7 @@ def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
 def half_width(kind: str, tolerance: tuple[float, float]) -> float:
     """Return half of the width of a tolerance; of a position, which is twice a deviation, the whole zone."""
     width = tolerance[1] - tolerance[0]
-    if kind == POSITION:
+    if kind in POSITIONS:
         return width
     return width / 2
 

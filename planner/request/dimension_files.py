@@ -20,7 +20,7 @@ from errors.exceptions import InvalidParameterError
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX, Localisation
 from planner.argument_kinds import POSITIVE, check_kinds, check_number, shown
 from planner.exceptions import RequestError
-from planner.request.dimension import POSITION, QUARTER, Dimension
+from planner.request.dimension import POSITION, POSITIONS, QUARTER, Dimension
 from planner.request.words import characteristic_name
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ PARALLEL = "parallel"
 
 _OPTIONS = (
     *("tolerance", "max_error", "accuracy", "share", "direction", "places", "unit", "any"),
-    *("edge_break_mm", "zone", "datums"),
+    *("edge_break_mm", "zone", "datums", "pattern", "material", "size"),
 )
 # in the unit of the values, mm or degrees
 _UNITS = {"mm": 1.0, "um": 1e-3, "in": 25.4, "inch": 25.4, "deg": 1.0, "rad": 57.29577951308232}
@@ -182,7 +182,10 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
     give the same value follow as ``any``: ``step = { distance = [17, 18], any = [[21, 22]], max_error = 0.02 }``.
     A distance may be asked for at ``places`` along its edges: ``step = { distance = [17, 18], places = 3 }``.
     A position has a zone and datums, which a table ``datums`` may name:
-    ``bolt = { position = "r3", zone = 0.2, datums = [17, 18] }``.
+    ``bolt = { position = "r3", zone = 0.2, datums = [17, 18] }``. With ``material = "M"`` or ``"L"``, ``size`` names
+    the diameter of the file that has the limits, or states its deviations or class. A slot is its two edges,
+    ``slot = { position = [17, 18], zone = 0.1, datums = ["r4", [3, 4]] }``, and ``pattern`` holds the other rims of a
+    pattern, to which the rest that datums leave free is fitted. ``symmetry`` takes two edges, ``coaxiality`` a rim.
     ``edge_break_mm = [0.1, 0.3]`` states by how much the edges of the dimension are broken, in mm whatever the unit.
 
     Parameters
@@ -213,10 +216,25 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
         raise RequestError(
             f"a file of dimensions must hold one name at least. Got none in {Path(path).name}."
         )
-    return {
-        name: _wanted(name, _with_datums(value, datums), kinds, share)
-        for name, value in content.items()
-    }
+    items = {}
+    for name, value in content.items():
+        stated = _with_datums(value, datums)
+        size = stated.get("size") if isinstance(stated, Mapping) else None
+        if isinstance(size, str) and size in content:
+            stated = {**stated, "size": _size_of(name, size, content[size], kinds)}
+        items[name] = _wanted(name, stated, kinds, share)
+    return items
+
+
+def _size_of(name: str, size: str, stated: Any, kinds: tuple[str, ...]) -> Any:
+    """Return the limits of a diameter of the file that is the size of a position: deviations in mm, or a class."""
+    diameter = _wanted(size, stated, kinds)
+    is_limited = isinstance(diameter, Dimension) and diameter.kind == "diameter"
+    limits = (diameter.tolerance or diameter.tolerance_class) if is_limited else None
+    if limits is None:
+        rule = "must name a diameter of the file with a tolerance"
+        raise RequestError(f"dimension {name!r}: size {rule}. Got {size!r}.")
+    return limits
 
 
 def _with_datums(value: Any, named: Mapping[str, Any]) -> Any:
@@ -226,12 +244,19 @@ def _with_datums(value: Any, named: Mapping[str, Any]) -> Any:
     datums = []
     for datum in value["datums"]:
         is_name = isinstance(datum, str) and not re.fullmatch(r"[era]\d+.*", datum)
+        if isinstance(datum, list) and not _is_end_points(datum):
+            datums.append(list(map(_edge_number, datum)))
+            continue
         if is_name and datum not in named and datum != PARALLEL:
             listed = ", ".join(map(repr, named)) or "empty"
             rule = f"must name entities, or a name in the table datums, which has {listed}"
             raise RequestError.of_rule("datums", rule, repr(datum))
-        datums.append(_edge_number(named.get(datum, datum) if is_name else datum))
-    return {**value, "datums": [datum for datum in datums if datum != PARALLEL]}
+        shown_by = named.get(datum, datum) if is_name else datum
+        if isinstance(shown_by, list) and not _is_end_points(shown_by):
+            shown_by = list(map(_edge_number, shown_by))
+        if shown_by != PARALLEL:
+            datums.append(_edge_number(shown_by))
+    return {**value, "datums": datums}
 
 
 def _content(path: Path) -> dict[str, Any]:
@@ -281,13 +306,16 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
     units = [name for name in _UNITS if (name in _ANGLES) == (kind == "angle")]
     if unit not in units:
         raise RequestError.of_rule("unit", f"must be one of {', '.join(units)}", repr(unit))
-    apart = ("unit", "any", "zone", "datums")
+    apart = ("unit", "any", "zone", "datums", "pattern", "material", "size")
     options = {key: value[key] for key in _OPTIONS if key in value and key not in apart}
     factor = _UNITS[unit]
-    if kind == POSITION:
-        return _position(entities, value, options, factor)
-    if "zone" in value or "datums" in value:
-        raise RequestError(f"zone and datums must be those of a position. Got them for a {kind}.")
+    if kind in POSITIONS:
+        return _position(kind, entities, value, options, factor)
+    for names in (("zone", "datums"), ("material", "size")):
+        if any(name in value for name in names):
+            raise RequestError(
+                f"{' and '.join(names)} must be those of a position. Got them for a {kind}."
+            )
     if isinstance(options.get("tolerance"), Mapping):
         options["tolerance"] = _limits(options["tolerance"])
     if isinstance(options.get("tolerance"), list):
@@ -305,18 +333,33 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
 
 
 def _position(
-    rim: Any, value: Mapping[str, Any], options: dict[str, Any], factor: float
+    kind: str, first: Any, value: Mapping[str, Any], options: dict[str, Any], factor: float
 ) -> Dimension:
     """Return the position that a table states."""
     if "tolerance" in options:
-        raise RequestError("a position must have a zone instead of a tolerance. Got a tolerance.")
+        raise RequestError(f"a {kind} must have a zone instead of a tolerance. Got a tolerance.")
     datums = value.get("datums")
-    if not isinstance(datums, list) or not datums:
+    pattern = value.get("pattern", [])
+    if not isinstance(pattern, list):
+        raise RequestError.of_rule("pattern", "must be a list of rims", repr(pattern))
+    if not isinstance(datums, list) or not (datums or pattern):
         raise RequestError.of_rule("datums", "must be a list of one entity at least", repr(datums))
     edge_break_mm = options.pop("edge_break_mm", None)
     zone_mm = _scaled(value.get("zone"), factor)
     check_number("zone", zone_mm, POSITIVE)
-    position = Dimension.position(rim, datums, zone_mm, **options)
+    options["material"] = value.get("material", "")
+    # deviations of another diameter of the file are in mm already, and a tuple
+    options["size"] = value.get("size")
+    if isinstance(options["size"], list):
+        options["size"] = tuple(_scaled(limit, factor) for limit in options["size"])
+    if isinstance(first, list) and not _is_end_points(first):
+        first = list(map(_edge_number, first))
+    if kind in ("symmetry", "coaxiality"):
+        if len(datums) != 1 or pattern:
+            raise RequestError.of_rule("datums", f"must be one of a {kind}", repr(datums))
+        position = getattr(Dimension, kind)(first, datums[0], zone_mm, **options)
+    else:
+        position = Dimension.position(first, datums, zone_mm, pattern=pattern, **options)
     return replace(position, edge_break_mm=edge_break_mm)
 
 
@@ -469,6 +512,7 @@ def _picked(rows: Any) -> tuple[dict[str, Any], dict[str, Any], str]:
 ROLE_REASONS = {
     "reference": "it is a reference dimension, given for information only",
     "basic": "it is a basic dimension, theoretically exact and without a tolerance of its own",
+    "position": "positions, symmetry and coaxiality are left out of this plan",
 }
 """Why a dimension of the model is not planned although it can be measured, by its role."""
 
@@ -480,6 +524,7 @@ def dimensions_to_plan(
     one_per_pattern: bool = False,
     reference: bool = False,
     basic: bool = True,
+    positions: bool = True,
 ) -> tuple[dict[str, Dimension], dict[str, str]]:
     """Turn dimensions of a CAD model into a request for `plan_inspection`.
 
@@ -502,6 +547,8 @@ def dimensions_to_plan(
     basic : bool
         Plan basic dimensions, which are theoretically exact. They have no tolerance of their own,
         so the accuracy of the call applies.
+    positions : bool
+        Plan positions, symmetry and coaxiality. Their datums must be in the same image.
 
     Returns
     -------
@@ -530,7 +577,9 @@ def dimensions_to_plan(
     ['Linear Size.5 [1 of 2]', 'Linear Size.5 [2 of 2]']
     """
     omitted = [
-        role for role, planned in (("reference", reference), ("basic", basic)) if not planned
+        role
+        for role, planned in (("reference", reference), ("basic", basic), ("position", positions))
+        if not planned
     ]
     items = [
         item for statement in stated for item in _items(statement, share, one_per_pattern, omitted)
@@ -555,6 +604,8 @@ def _items(
 ) -> list[tuple[str, Dimension | str]]:
     """Return the name of each characteristic, with its request or the reason why it has none."""
     if isinstance(stated, GeometricTolerance):
+        if stated.reason is None and "position" in omitted:
+            return [(stated.name, ROLE_REASONS["position"])]
         return _positions(stated, share, one_per_pattern)
     check_kinds(stated=(stated, "ModelDimension"))
     if stated.role is not None and stated.role in omitted:
@@ -595,8 +646,21 @@ def _positions(
         if not ways:
             result.append((name, reason or ""))
             continue
-        choices = [Dimension.position(way[0], way[1:], stated.zone_mm, share=share) for way in ways]
-        result.append((name, Dimension.any_of(choices)))
+        of_size: dict[str, Any] = {}
+        size = stated.sizes[k - 1] if stated.sizes else None
+        if size is not None:
+            of_size = {"material": stated.material, "size": size}
+        first, *others = ways
+        item = Dimension(
+            stated.measured_as or POSITION,
+            first,
+            tolerance=(0.0, stated.zone_mm),
+            share=share,
+            alternatives=tuple(others),
+            groups=stated.groups,
+            **of_size,
+        )
+        result.append((name, item))
     if one_per_pattern:
         return [item for item in result if isinstance(item[1], Dimension)][:1] or result[:1]
     return result

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.measurands import Circle, Line, Measurand, MeasurandError
+from errors.measurands import Circle, Line, Measurand, MeasurandError, Position
 from errors.measurands.kinds import are_parallel
 from errors.measurands.measurand import measurand
 from planner.exceptions import RequestError
-from planner.request.dimension import Dimension, check_side
+from planner.request.dimension import Dimension, MaterialCondition, check_side, class_limits
 from planner.request.targets import (
     PREFERRED,
     EntityRecord,
@@ -461,7 +461,61 @@ def _dimension_target(
     indices = kept_witnesses(witnesses, choice)
     for entity in {measured.name: measured for k in indices for measured in ways[k]}.values():
         _check_chords(name, entity, curves, permitted)
-    return PlannedDimension.of(name, tuple(witnesses[k] for k in indices), dimension, permitted)
+    chosen = tuple(witnesses[k] for k in indices)
+    try:
+        material = _material(solid, dimension, ways, values, curves)
+    except RequestError as error:
+        raise RequestError(f"dimension {name!r}: {error}") from error
+    return PlannedDimension.of(name, chosen, dimension, permitted, material)
+
+
+def _material(
+    solid: Solid,
+    dimension: Dimension,
+    ways: Sequence[Sequence[Entity]],
+    values: Sequence[Measurand],
+    curves: Mapping[tuple[int, ...], Arc],
+) -> MaterialCondition | None:
+    """Return what widens the zone of a position, by the limits of the size of its hole, pin or slot."""
+    if dimension.size is None:
+        return None
+    sizes = [value.size_mm for value in values if isinstance(value, Position)]
+    if max(sizes) - min(sizes) > SAME_VALUE:
+        rule = "must hold rims of one diameter with a material condition"
+        raise RequestError.of_rule("any", rule, ", ".join(f"{size:.6g}" for size in sizes))
+    first = ways[0][0]
+    in_hole = _is_inside(solid, ways[0], curves)
+    if in_hole is None:
+        raise RequestError.of_rule(
+            "material", "must be that of a hole, slot or pin, by its walls", first.name
+        )
+    deviations = dimension.size
+    if isinstance(deviations, str):
+        if first.edge_ids in curves:
+            check_side(deviations, solid, [curves[first.edge_ids]])
+        deviations = class_limits(deviations, sizes[0])
+    return MaterialCondition.of(dimension.material, deviations, sizes[0], in_hole)
+
+
+def _is_inside(
+    solid: Solid, way: Sequence[Entity], curves: Mapping[tuple[int, ...], Arc]
+) -> bool | None:
+    """Return whether a rim is that of a hole, or two edges those of a slot; None if the walls do not show it."""
+    from aspectgraph.dimensions.tolerances import WALL, is_in_hole
+
+    first = way[0]
+    if first.edge_ids in curves:
+        return is_in_hole(solid, curves[first.edge_ids])
+    along = first.endpoints[1] - first.endpoints[0]
+    apart = way[1].endpoints.mean(axis=0) - first.endpoints.mean(axis=0)
+    across = apart - (apart @ along) / (along @ along) * along
+    across = across / np.linalg.norm(across)
+    faces = list(solid.edges[first.edge_ids[0]].faces)
+    # the wall of a slot looks at the other edge
+    sides = {
+        bool(part > 0) for part in (solid.normals[faces] @ across).tolist() if abs(part) >= WALL
+    }
+    return sides.pop() if len(sides) == 1 else None
 
 
 def _without_other_stretches(
@@ -489,7 +543,7 @@ def _value_of(
         arcs = [curves[entity.edge_ids] for entity in parts if entity.edge_ids in curves]
         check_side(dimension.tolerance_class, solid, arcs)
     geometry = [_geometry(solid, entity, curves) for entity in parts]
-    return measurand(dimension.kind, geometry, direction=dimension.direction)
+    return measurand(dimension.kind, geometry, dimension.direction, dimension.groups)
 
 
 def _witness(parts: list[Entity], value: Measurand) -> Witness:

@@ -13,7 +13,7 @@ from errors.measurands.measurand import kinds, measurand
 from ground.convert import Meta, NullIs, field_name, from_plain, to_plain
 from planner.exceptions import PlanFileError, RequestError
 from planner.plan_file import Amount, Coordinates
-from planner.request.dimension import checked_tolerance
+from planner.request.dimension import MaterialCondition, checked_tolerance
 from planner.request.edge_state import Break, checked_break
 from planner.request.targets import (
     EdgeTarget,
@@ -53,9 +53,14 @@ class WitnessRecord:
         """Return the record of a witness."""
         return cls(witness.records, witness.geometry)
 
-    def witness(self, kind: str, direction: tuple[float, float, float] | None = None) -> Witness:
+    def witness(
+        self,
+        kind: str,
+        direction: tuple[float, float, float] | None = None,
+        groups: tuple[int, ...] = (),
+    ) -> Witness:
         """Return the witness of a target of a kind."""
-        return Witness(self.entities, measurand(kind, self.geometry, direction))
+        return Witness(self.entities, measurand(kind, self.geometry, direction, groups))
 
 
 _Witnesses = Annotated[
@@ -108,6 +113,8 @@ class DimensionRecord:
     surfaces_mm: Amount | None
     surfaces_from: str
     edge_break_mm: Break | None = None
+    material: MaterialCondition | None = None
+    groups: tuple[Annotated[int, Meta(ge=0, le=2)], ...] = ()
 
     def __post_init__(self) -> None:
         if self.edge_break_mm is not None:
@@ -129,13 +136,15 @@ class DimensionRecord:
             target.stated_surfaces_mm,
             target.surfaces_from,
             target.edge_break_mm,
+            target.material,
+            target.groups,
         )
 
     def target(self, name: str) -> PlannedDimension:
         """Return the target under its name."""
         target = PlannedDimension(
             name,
-            tuple(item.witness(self.kind, self.direction) for item in self.witnesses),
+            tuple(item.witness(self.kind, self.direction, self.groups) for item in self.witnesses),
             self.kind,
             self.permitted_error,
             None if self.tolerance is None else checked_tolerance(self.tolerance),
@@ -145,6 +154,8 @@ class DimensionRecord:
             self.surfaces_mm,
             self.surfaces_from,
             self.edge_break_mm,
+            self.material,
+            self.groups,
         )
         nominal = target.nominal
         if abs(nominal - self.nominal) > _SAME_NOMINAL * max(1.0, abs(nominal)):

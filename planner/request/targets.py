@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errors.checks import percent_text
-from errors.measurands import Circle, Line, Localisation, Measurand
+from errors.measurands import Circle, Line, Localisation, Measurand, Position
 from errors.measurands.geometry import Geometry
 from errors.measurands.measurand import measurand
 from ground.convert import STATED, Meta
@@ -28,7 +28,14 @@ from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError, RequestError
 from planner.plan_file import Count
-from planner.request.dimension import POSITION, Dimension, half_width, is_one_sided
+from planner.request.dimension import (
+    POSITIONS,
+    Dimension,
+    MaterialCondition,
+    half_width,
+    is_one_sided,
+    zone_text,
+)
 from planner.request.edge_state import SHARP, EdgeState
 from planner.request.models import (
     DimensionModels,
@@ -251,6 +258,11 @@ class Target(ABC):
     @property
     def tolerance(self) -> tuple[float, float] | None:
         """Lower and upper deviation that the drawing allows; None of a target without them."""
+        return None
+
+    @property
+    def material(self) -> MaterialCondition | None:
+        """What widens the zone of a position; None of all else."""
         return None
 
     @property
@@ -507,6 +519,10 @@ class PlannedDimension(Target):
         The tolerance of the model that this follows from; empty if it was given.
     edge_break_mm : (float, float) or None
         By how much its edges are broken, least and most, mm, where the dimension states its own.
+    material : MaterialCondition or None
+        What widens the zone of a position.
+    groups : tuple of int
+        Number of entities of each datum of a position, see `Dimension`.
     surfaces_mm : float
         The same, or that of the request, once `measured_with` has stated it.
     edges : EdgeState
@@ -522,6 +538,8 @@ class PlannedDimension(Target):
     stated_surfaces_mm: float | None = None
     surfaces_from: str = ""
     edge_break_mm: tuple[float, float] | None = None
+    material: MaterialCondition | None = None
+    groups: tuple[int, ...] = ()
     surfaces_mm: float = field(default=0.0, repr=False, kw_only=True)
     edges: EdgeState = field(default=SHARP, repr=False, kw_only=True)
 
@@ -529,7 +547,12 @@ class PlannedDimension(Target):
 
     @classmethod
     def of(
-        cls, name: str, witnesses: tuple[Witness, ...], dimension: Dimension, permitted_error: float
+        cls,
+        name: str,
+        witnesses: tuple[Witness, ...],
+        dimension: Dimension,
+        permitted_error: float,
+        material: MaterialCondition | None = None,
     ) -> PlannedDimension:
         """Return what a dimension is on the part.
 
@@ -543,6 +566,8 @@ class PlannedDimension(Target):
             The dimension as it was given; a tolerance class has become limits.
         permitted_error : float
             Largest permitted error, mm (angles: degrees).
+        material : MaterialCondition, optional
+            What widens the zone of a position.
 
         Returns
         -------
@@ -562,6 +587,8 @@ class PlannedDimension(Target):
             dimension.surfaces_mm,
             dimension.surfaces_from,
             dimension.edge_break_mm,
+            material,
+            dimension.groups,
         )
 
     @classmethod
@@ -728,10 +755,12 @@ class PlannedDimension(Target):
     def requirement_texts(self) -> tuple[str, str]:
         """The target, its tolerance if it has one, and the permitted error with its share of it."""
         nominal = f"{self.kind.replace('_', ' ')} {self.nominal:.6g} {self.unit}"
-        if self.kind == POSITION and self.tolerance is not None:
+        if self.kind in POSITIONS and self.tolerance is not None:
             share = self._share(self.tolerance)
             error = f"error up to {self.permitted_error:.4g} {self.unit} ({share})"
-            return f"position in ⌀{self.tolerance[1]:.6g} {self.unit}", error
+            widened = "" if self.material is None else f" ({self.material.condition})"
+            zone = zone_text(self.kind, self.tolerance[1])
+            return f"{self.kind.replace('_', ' ')} in {zone} {self.unit}{widened}", error
         error = f"error up to {self.permitted_error:.4g} {self.unit}"
         if self.tolerance is None:
             return nominal, error
@@ -752,8 +781,8 @@ class PlannedDimension(Target):
         width = "T/2"
         if lower == -upper:
             width = f"±{upper:.4g}"
-        elif self.kind == POSITION:
-            width = f"⌀{upper:.4g}"
+        elif self.kind in POSITIONS:
+            width = zone_text(self.kind, upper)
         return f"{self._share(self.tolerance)} of {width}"
 
     def _share(self, tolerance: tuple[float, float]) -> str:
@@ -781,6 +810,10 @@ class PlannedDimension(Target):
         error: dict[str, Any] = {"max_error": self.permitted_error}
         if self.share is not None:
             error = {"share": self.share}
+        if self.material is not None:
+            assert isinstance(self.measurand, Position), "only a position has a condition"
+            error["material"] = self.material.condition
+            error["size"] = self.material.deviations(self.measurand.size_mm)
         return Dimension(
             self.kind,
             ways[0],
@@ -791,6 +824,7 @@ class PlannedDimension(Target):
             surfaces_mm=self.stated_surfaces_mm,
             surfaces_from=self.surfaces_from,
             edge_break_mm=self.edge_break_mm,
+            groups=self.groups,
             **error,
         )
 

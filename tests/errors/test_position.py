@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from errors.exceptions import MeasurandError
 from errors.measurands import Circle, Line, Localisation, disc_probability
+from errors.measurands.measurand import measurand
 from errors.measurands.position import Position, PositionFrame, PositionModel
 
 Z = np.array([0.0, 0.0, 1.0])
@@ -224,3 +226,101 @@ def test_a_camera_that_turns_about_the_normal_measures_no_error():
         permitted_error=0.01,
     )
     assert np.abs(model.covariance_at(pose)).max() < 1e-15
+
+
+def circles_at(points, radius=3.0):
+    return [Circle((*point, 0), Z, radius) for point in points]
+
+
+def fitted_at(frame, moves):
+    """What is fitted of circles whose centres move by (dx, dy)."""
+    return [
+        (np.array(move) @ shape.x[:2], np.array(move) @ shape.y[:2], 0.0)
+        for move, shape in zip(moves, frame.frames, strict=True)
+    ]
+
+
+def best_fit(nominal, actual):
+    """Rotation and shift by singular values (Kabsch), that bring points nearest to their places."""
+    middle = nominal.mean(axis=0)
+    centre = actual.mean(axis=0)
+    u, _, v = np.linalg.svd((nominal - middle).T @ (actual - centre))
+    turn = (u @ np.diag([1, np.sign(np.linalg.det(u @ v))]) @ v).T
+    return (actual - centre) @ turn + middle - nominal
+
+
+def test_a_pattern_without_datums_is_fitted_as_a_whole():
+    places = np.array([[0, 0], [60, 0], [60, 40], [10, 45.0]])
+    moves = 0.01 * np.random.default_rng(3).normal(size=(4, 2))
+    first, *others = circles_at(places)
+    frame = PositionFrame(first, [], others)
+    found = frame.axes[:, :2].T @ frame.error(fitted_at(frame, moves))
+    # to second order: the moves are 1e-4 of the extent
+    assert found == pytest.approx(best_fit(places, places + moves)[0], abs=1e-7)
+    # a pattern that is moved and turned as a whole has no deviation
+    turned = places @ Rotation.from_rotvec([0, 0, 1e-3]).as_matrix()[:2, :2].T + [0.3, -0.2]
+    assert np.abs(frame.error(fitted_at(frame, turned - places))).max() < 1e-7
+
+
+def test_the_turn_about_a_datum_hole_is_fitted_to_the_pattern():
+    places = np.array([[50, 0], [0, 50], [-50, 0.0]])
+    datum, *rims = circles_at([(0, 0), *places])
+    frame = PositionFrame(rims[0], [datum], rims[1:])
+    assert frame.components == 2
+    # all turn alike: nothing is left; one alone turns: a third of it is the pattern's
+    t = 1e-4
+    around = np.array([[0, 50], [-50, 0], [0, -50.0]]) * t
+    assert np.abs(frame.error(fitted_at(frame, [around[0], (0, 0), *around[1:]]))).max() < 1e-6
+    alone = frame.error(fitted_at(frame, [around[0], (0, 0), (0, 0), (0, 0)]))
+    assert np.linalg.norm(alone) == pytest.approx(2 / 3 * 50 * t, rel=1e-3)
+
+
+def test_what_an_edge_leaves_free_is_fitted_along_it():
+    first, *others = circles_at([(20, 30), (50, 30), (90, 30)])
+    frame = PositionFrame(first, [EDGE_B], others)
+    # the pattern moves along B as a whole, and one rim alone across it
+    moved = [(0.3, 0.02), (0.3, 0.0), (0.3, 0.0)]
+    fits = fitted_at(frame, [moved[0], (0, 0), *moved[1:]])
+    fits[1] = (0.0, 0.0)
+    assert frame.error(fits) == pytest.approx([0.0, 0.02], abs=1e-9)
+
+
+def test_symmetry_is_how_far_mid_lines_are_apart():
+    slot = [Line((0, 4, 0), (30, 4, 0)), Line((0, 10, 0), (30, 10, 0))]
+    datum = [Line((0, 0, 0), (80, 0, 0)), Line((80, 14, 0), (0, 14, 0))]
+    one = measurand("symmetry", [*slot, *datum])
+    assert one.frame.components == 1
+    # the slot's edges up by .1 and .3, the datum's upper edge up by .2: mid-lines up by .2 and .1
+    signs = [frame.y[1] for frame in one.frames]
+    fits = [
+        np.array([[move * sign, 0.0]]) for move, sign in zip((0.1, 0.3, 0, 0.2), signs, strict=True)
+    ]
+    assert one.value(fits) == pytest.approx([0.2])
+    # the slot grew by .2
+    assert one.along([0.0], 1.0).value(fits) == pytest.approx([0.2])
+    assert one.size_mm == pytest.approx(6.0)
+    again = pickle.loads(pickle.dumps(measurand("width_position", [*slot, *datum], None, (2,))))
+    assert (again.groups, float(again.value(fits)[0])) == ((2,), pytest.approx(0.2))
+
+
+def test_coaxiality_is_twice_the_offset_of_the_centres():
+    one = measurand("coaxiality", [Circle((5, 5, 0), Z, 4), Circle((5, 5, -12), Z, 2)])
+    fits = [np.array([[0.03, 0.04, 4.1]]), np.array([[0.0, 0.0, 2.0]])]
+    assert one.value(fits) == pytest.approx([0.1])
+    with pytest.raises(MeasurandError, match="two circles about one axis"):
+        measurand("coaxiality", [Circle((5, 5, 0), Z, 4), Circle((9, 5, -12), Z, 2)])
+
+
+@pytest.mark.parametrize(
+    ("kind", "shapes", "groups", "message"),
+    [
+        ("position", [HOLE, EDGE_B, EDGE_C], (1,), "a pattern must be one of rims"),
+        ("position", [HOLE, EDGE_B], (1, 1), "groups must count"),
+        ("position", [HOLE, EDGE_B, HOLE], (2,), "two edges of a slot"),
+        ("diameter", [HOLE], (1,), "groups must be those of a position"),
+        ("width_position", [HOLE, EDGE_B], (), "one straight edge and one straight edge"),
+    ],
+)
+def test_groups_that_do_not_fit_are_refused(kind, shapes, groups, message):
+    with pytest.raises(MeasurandError, match=message):
+        measurand(kind, shapes, None, groups)

@@ -23,6 +23,10 @@ _FIELDS = r"\s*\(\s*(?:''|\$)\s*,\s*(?:''|\$)\s*,\s*#([0-9]+)\s*,\s*#([0-9]+)"
 _IN_COMPLEX = re.compile(r"(?<![A-Z_])GEOMETRIC_TOLERANCE" + _FIELDS, re.IGNORECASE)
 _SIMPLE = re.compile(r"^\s*[A-Z_]+" + _FIELDS, re.IGNORECASE)
 _COMPARTMENTS = frozenset({"DATUM_REFERENCE_COMPARTMENT", "DATUM_REFERENCE_ELEMENT"})
+TARGETS = frozenset({"PLACED_DATUM_TARGET_FEATURE", "DATUM_TARGET"})
+"""Aspects that state a datum by points, lines or areas of its own."""
+
+_OF_DATUMS = TARGETS | {"DATUM_FEATURE"}
 _MAXIMUM = ("MAXIMUM_MATERIAL_REQUIREMENT", "MAXIMUM_MATERIAL_CONDITION")
 _LEAST = ("LEAST_MATERIAL_REQUIREMENT", "LEAST_MATERIAL_CONDITION")
 
@@ -116,7 +120,9 @@ def list_stated_tolerances(
 def list_datum_features(
     entities: dict[int, StepEntity], texts: Mapping[int, tuple[str, ...]]
 ) -> dict[str, list[int]]:
-    """Return the aspects that are features of each datum, by its letter.
+    """Return the aspects that are features of each datum, by its letter: the datum itself and its features.
+
+    Some writers attach the faces to the datum, others to its feature. Datum targets are among them.
 
     Parameters
     ----------
@@ -126,12 +132,16 @@ def list_datum_features(
         Those of the datums.
     """
     features: dict[str, list[int]] = {}
+    for number, entity in entities.items():
+        if "DATUM" in entity.kinds:
+            letter = "".join(texts.get(number, ())[-1:]).strip()
+            features.setdefault(letter, []).append(number)
     for entity in entities.values():
         if "SHAPE_ASPECT_RELATIONSHIP" not in entity.kinds:
             continue
         ends = known_references(entities, entity)
         datums = [number for number in ends if "DATUM" in entities[number].kinds]
-        aspects = [number for number in ends if "DATUM_FEATURE" in entities[number].kinds]
+        aspects = [number for number in ends if not _OF_DATUMS.isdisjoint(entities[number].kinds)]
         for number in datums:
             letter = "".join(texts.get(number, ())[-1:]).strip()
             features.setdefault(letter, []).extend(aspects)

@@ -38,6 +38,7 @@ from OCP.XCAFDoc import (
 
 from aspectgraph.exceptions import ReadError
 from aspectgraph.read.step.geometric_tolerances import (
+    TARGETS,
     StatedTolerance,
     disagreements,
     list_datum_features,
@@ -71,7 +72,7 @@ from aspectgraph.read.step.text import StepEntity, known_references, list_solids
 # shape_aspect_deriving_relationship.
 
 
-_USAGE = "GEOMETRIC_ITEM_SPECIFIC_USAGE"
+_USAGES = frozenset({"GEOMETRIC_ITEM_SPECIFIC_USAGE", "ITEM_IDENTIFIED_REPRESENTATION_USAGE"})
 _PARTS = frozenset({"SHAPE_ASPECT_RELATIONSHIP", "SHAPE_ASPECT_DERIVING_RELATIONSHIP"})
 """They lead from a composite aspect to its parts, and from a derived one to what it is derived from."""
 
@@ -128,7 +129,7 @@ def _items_of_aspects(entities: dict[int, StepEntity]) -> dict[int, list[int]]:
     """Return the items of each aspect that has some, by its number."""
     items_of: dict[int, list[int]] = {}
     for entity in entities.values():
-        if entity.kind == _USAGE and len(entity.references) > 2:
+        if entity.kind in _USAGES and len(entity.references) > 2:
             aspect, _, *items = entity.references
             items_of.setdefault(aspect, []).extend(items)
     return items_of
@@ -697,16 +698,18 @@ def _describe_datums(
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the faces and edges of each datum, by its letter."""
     below = list_items_below(entities)
-    return {
-        letter: [
+    shapes: dict[str, list[dict[str, Any]]] = {}
+    for letter, aspects in features.items():
+        shapes[letter] = [
             describe(place)
             for aspect in aspects
             for item in below(aspect)
             for shape in attached.made_from(item)
             for place in _places(shape, instances)
         ]
-        for letter, aspects in features.items()
-    }
+        if any(not TARGETS.isdisjoint(entities[aspect].kinds) for aspect in aspects):
+            shapes[letter].append({"kind": "target"})
+    return shapes
 
 
 def _places(shape: Any, instances: Instances) -> list[Any]:

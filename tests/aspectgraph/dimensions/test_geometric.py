@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from aspectgraph import read_requirements, read_solid
@@ -12,6 +13,7 @@ from aspectgraph.read.step.geometric_tolerances import (
     WITH_TEXTS,
     StatedTolerance,
     disagreements,
+    list_datum_features,
     list_stated_tolerances,
 )
 from aspectgraph.read.step.text import parse_entities, parse_texts
@@ -85,12 +87,56 @@ def test_text_and_kernel_agree_in_any_order_or_say_what_one_lacks():
 
 def test_every_tolerance_of_a_part_is_listed_with_a_reason():
     pytest.importorskip("OCP")
-    stated = read_requirements(EXAMPLE, read_solid(EXAMPLE))
+    part = read_solid(EXAMPLE)
+    stated = read_requirements(EXAMPLE, part)
     # all words of the file that end so are types of tolerances
     words = re.findall(r"([A-Z_]+)_TOLERANCE\s*\(", EXAMPLE.read_text())
     assert len(stated.tolerances) == len([w for w in words if w not in ("PLUS_MINUS", "GEOMETRIC")])
-    assert all(one.reason for one in stated.tolerances)
     assert not stated.disagreements
-    assert [one.to_dict()["entities"] for one in stated if one not in stated.dimensions] == [
-        None
-    ] * 6
+    # the two slots have positions, the rest is seen by no edge
+    slots = [one for one in stated.tolerances if one.reason is None]
+    assert [one.name for one in slots] == ["Position.1", "Position.2"]
+    assert all(one.reason for one in stated.tolerances if one not in slots)
+    # on the drawing they are 85 and 50 mm wide
+    for one, width in zip(slots, (85.0, 50.0), strict=True):
+        assert one.measured_as == "width_position"
+        first, second = (part.edge_points(edge) for edge in one.entities[:2])
+        apart = second.mean(axis=0) - first.mean(axis=0)
+        assert np.linalg.norm(np.cross(apart, first[1] - first[0])) == pytest.approx(
+            width * np.linalg.norm(first[1] - first[0])
+        )
+        assert one.to_dict()["entities"] == list(one.entities)
+
+
+def test_a_datum_has_its_faces_itself_or_by_its_feature_or_has_targets():
+    text = """#20 = DATUM_FEATURE('','',#9,.T.);
+#21 = SHAPE_ASPECT_RELATIONSHIP('','',#20,#11);
+#22 = PLACED_DATUM_TARGET_FEATURE('','point',#9,.T.,'1');
+#23 = SHAPE_ASPECT_RELATIONSHIP('','',#22,#12);
+"""
+    data = f"ISO-10303-21;\nDATA;\n{UNITS}{DATUMS}{text}ENDSEC;\nEND-ISO-10303-21;".encode()
+    entities = parse_entities(data)
+    features = list_datum_features(entities, parse_texts(data, entities, WITH_TEXTS))
+    assert features == {"A": [11, 20], "B": [12, 22]}
+
+
+def test_positions_of_a_part_have_rims_datums_and_limits_of_size():
+    """CTC 03: B and C are the holes of its drawing, D its upper face; the bolts are 11.125 and 15.875 mm wide."""
+    pytest.importorskip("OCP")
+    path = Path("examples/nist_ctc_03_ap242.stp.gz")
+    part = read_solid(path)
+    stated = read_requirements(path, part)
+    positions = {one.name: one for one in stated.tolerances if one.kind == "position"}
+    rims = {rim.id: rim for rim in part.rims()}
+    bolts = positions["Position.4"]
+    assert (bolts.material, bolts.n_features, len(bolts.features)) == ("M", 4, 4)
+    for ways in bolts.features:
+        rim, b, c = (rims[entity] for entity in ways[0])
+        assert 2 * rim.radius_mm == pytest.approx(15.875, abs=1e-3)
+        # the datums' holes are 203.2 mm apart, and parallel to the bolts
+        assert abs(b.axis @ rim.axis) == pytest.approx(1.0)
+        apart = b.centre - c.centre
+        assert np.linalg.norm(apart - (apart @ b.axis) * b.axis) > 100
+    assert all(size is not None and size[0] < 0 < size[1] for size in bolts.sizes)
+    # about the hole of B alone, the rotation is free
+    assert len(positions["Position.1"].entities) == 2

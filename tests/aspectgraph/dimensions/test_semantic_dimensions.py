@@ -550,7 +550,8 @@ def test_a_part_of_nist_states_the_zone_of_its_holes():
     assert (bore.tolerance, bore.places) == ("profile", True)
     assert bore.width_mm == pytest.approx(0.030 * inch)
     (hole,) = zones["Linear Size.1"]
-    assert (hole.tolerance, hole.places) == ("profile", False)
+    # it lies in the face of datum A, and the datum is where its face is
+    assert (hole.tolerance, hole.places) == ("profile", True)
     assert hole.width_mm == pytest.approx(0.010 * inch)
     assert not any(zone and zone.tolerance == "flatness" for own in zones.values() for zone in own)
 

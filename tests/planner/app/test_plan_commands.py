@@ -353,7 +353,8 @@ def test_all_dimensions_of_a_pattern(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    "option", ["--one-per-pattern", "--reference-dimensions", "--no-basic-dimensions"]
+    "option",
+    ["--one-per-pattern", "--reference-dimensions", "--no-basic-dimensions", "--no-positions"],
 )
 @pytest.mark.parametrize(
     ("wanted", "got"), [(["--all"], "none"), (["--dimensions", BLOCK], repr(BLOCK))]

@@ -775,3 +775,39 @@ def test_an_edge_without_a_corner_is_named(solid, images, exact):
     plan = lengths_plan(measured_plan(solid, settings=1))
     results = measure(plan, solid, {1: covered[1]}, registration=exact)
     assert "not measured" in results.counts
+
+
+def with_positions():
+    """A position of a bolt with (M) against two datums, one of a slot, and one of a pattern without datums."""
+    bolt = dataclasses.replace(
+        result("bolt", "position", Decision.CONFORMS, 0.12, 0.01, (0.0, 0.4)),
+        nominal=0.0,
+        material="M",
+        datums=("e17", "r 4"),
+    )
+    slot = dataclasses.replace(bolt, name="slot", kind="width_position", material="")
+    free = dataclasses.replace(bolt, name="free pattern", material="L", datums=())
+    round_about = dataclasses.replace(bolt, name="round about", kind="coaxiality")
+    every = {one.name: one for one in (bolt, slot, free, round_about)}
+    return dataclasses.replace(measured(), results=every)
+
+
+def test_positions_have_zones_conditions_and_datum_reference_frames():
+    text = qif_text(with_positions())
+    assert faults(text) == []
+    document = ET.fromstring(text)
+    definitions = by_tag(document, "PositionCharacteristicDefinition")
+    assert [child.text for child in by_tag(document, "MaterialCondition")] == [
+        *("MAXIMUM", "REGARDLESS", "LEAST")
+    ]
+    shapes = [tag(shape[0]) for shape in by_tag(document, "ZoneShape")]
+    assert shapes == ["DiametricalZone", "NonDiametricalZone", "DiametricalZone"]
+    # both have the datums e17 and r_4 in this order, so one frame
+    (frame,) = by_tag(document, "DatumReferenceFrame")
+    frames = [by_tag(one, "DatumReferenceFrameId") for one in definitions]
+    assert [one[0].text for one in frames[:2]] == [frame.get("id")] * 2
+    assert frames[2] == []
+    labels = {one.get("id"): one[0].text for one in by_tag(document, "DatumDefinition")}
+    order = [labels[one.text] for one in by_tag(frame, "DatumDefinitionId")]
+    assert order == ["e17", "r_4"]
+    assert "not in this file: round about" in by_tag(document, "Description")[0].text

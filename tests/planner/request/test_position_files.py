@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from planner import Dimension, RequestError
+from aspectgraph import GeometricTolerance
+from planner import Dimension, RequestError, dimensions_to_plan
 from planner.request.dimension_files import read_wanted
 
 KINDS = ("position", "diameter")
 
 
-def wanted(tmp_path, text):
+def wanted(tmp_path, text, kinds=KINDS):
     path = tmp_path / "wanted.toml"
     path.write_text(text)
-    return read_wanted(path, KINDS)
+    return read_wanted(path, kinds)
 
 
 def test_a_file_names_its_datums_once(tmp_path):
@@ -69,3 +70,98 @@ def test_what_is_no_position_is_refused(tmp_path, text, message):
 def test_edges_may_be_written_as_tables_name_them(tmp_path):
     items = wanted(tmp_path, 'bolt = { position = "r3", zone = 0.2, datums = ["e17", "e18"] }')
     assert items["bolt"] == Dimension.position("r3", [17, 18], 0.2)
+
+
+def test_a_condition_takes_the_limits_of_a_diameter_of_the_file(tmp_path):
+    items = wanted(
+        tmp_path,
+        """
+        bore = { diameter = "r3", tolerance = [-0.002, 0.002], unit = "in" }
+        fit = { diameter = "r3", tolerance = "H7" }
+        bolt = { position = "r3", zone = 0.2, datums = [17, 18], material = "M", size = "bore" }
+        pin = { position = "r3", zone = 0.2, datums = [17, 18], material = "L", size = "fit" }
+        own = { position = "r3", zone = 0.01, unit = "in", datums = [17, 18], material = "M", size = [0, 0.004] }
+        """,
+    )
+    assert items["bolt"].material == "M"
+    assert items["bolt"].size == pytest.approx((-0.0508, 0.0508))
+    assert (items["pin"].material, items["pin"].size) == ("L", "H7")
+    assert items["own"].size == pytest.approx((0.0, 0.1016))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            'size = "bore" }\nbore = { diameter = "r3", max_error = 0.1 }',
+            "size must name a diameter",
+        ),
+        ('size = "bore" }\nbore = 17', "size must name a diameter"),
+        ('size = "other" }', "size must be two deviations, a class such as H7, or in a file"),
+        ("size = 3 }", "size must be two numbers"),
+    ],
+)
+def test_a_size_without_limits_is_refused(tmp_path, text, message):
+    head = 'bolt = { position = "r3", zone = 0.2, datums = [17, 18], material = "M", '
+    with pytest.raises(RequestError, match=message):
+        wanted(tmp_path, head + text)
+
+
+def test_only_positions_have_a_condition(tmp_path):
+    with pytest.raises(RequestError, match="material and size must be those of a position"):
+        wanted(tmp_path, 'bore = { diameter = "r3", material = "M", max_error = 0.1 }')
+
+
+def stated_position(**changes):
+    """A position of two holes with (M) as a model states it; the second hole states no limits of size."""
+    values = {
+        **{"name": "bolts", "kind": "position", "zone_mm": 0.2, "diametral": True, "material": "M"},
+        **{"datums": ("A", "B"), "projected_mm": None, "attached": (), "n_features": 2},
+        **{"reason": None, "entities": ("r1", 17), "measured_as": "position"},
+        "features": ((("r1", 17, "r2"), ("r3", 17, "r4")), (("r2", 17, "r1"),)),
+        "feature_reasons": (None, None),
+        "sizes": ((-0.1, 0.1), None),
+        "groups": (1,),
+    }
+    return GeometricTolerance(**(values | changes))
+
+
+def test_each_hole_of_a_pattern_of_the_model_is_a_characteristic():
+    wanted, left_out = dimensions_to_plan([stated_position()])
+    first = wanted["bolts [1 of 2]"]
+    second = wanted["bolts [2 of 2]"]
+    assert (first.entities, first.alternatives) == (("r1", 17, "r2"), (("r3", 17, "r4"),))
+    assert (first.material, first.size, first.groups) == ("M", (-0.1, 0.1), (1,))
+    # without limits no bonus, which is stricter
+    assert (second.material, second.size) == ("", None)
+    assert left_out == {}
+
+
+def test_positions_of_the_model_are_left_out_on_request():
+    wanted, left_out = dimensions_to_plan([stated_position()], positions=False)
+    assert wanted == {}
+    assert left_out == {"bolts": "positions, symmetry and coaxiality are left out of this plan"}
+
+
+def test_slots_symmetry_and_coaxiality_are_read_from_files(tmp_path):
+    items = wanted(
+        tmp_path,
+        """
+        slot = { position = [39, "e47"], zone = 0.3, datums = ["A", "S", "r8"] }
+        mid = { symmetry = [39, 47], zone = 0.1, datums = [[3, 4]] }
+        step = { coaxiality = "r8", zone = 0.1, datums = ["r9"] }
+        free = { position = "r0", zone = 0.3, datums = ["A"], pattern = ["r1", "r2"] }
+        [datums]
+        A = "parallel"
+        S = [1, 2]
+        """,
+        ("position", "symmetry", "coaxiality"),
+    )
+    slot = items["slot"]
+    assert (slot.kind, slot.entities, slot.groups) == (
+        *("width_position", (39, 47, 1, 2, "r8"), (2, 1)),
+    )
+    assert items["mid"] == Dimension.symmetry([39, 47], [3, 4], 0.1)
+    assert items["step"] == Dimension.coaxiality("r8", "r9", 0.1)
+    assert items["free"].entities == ("r0", "r1", "r2")
+    assert items["free"].groups == (0,)

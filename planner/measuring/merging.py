@@ -1,0 +1,254 @@
+"""The readings of one target merged: its value, its expanded uncertainty, and the decision."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errors.checks import chi_squared_quantile
+from errors.many_images import best_weights
+from errors.measurands import (
+    Bonus,
+    Decision,
+    DecisionRule,
+    Position,
+    acceptance_limits,
+    conformance_probability,
+    decide,
+    decide_deviation,
+    deviation_interval,
+)
+from errors.measurands.measurand import COVERAGE
+from planner.measuring.reading import Reading
+from planner.measuring.results import Result, variances_of_points
+from planner.request.dimension import MaterialCondition
+from planner.request.targets import Target
+
+CONSISTENT = 0.99
+"""Readings of one target that differ more than with this probability are said to disagree."""
+
+_LEAST_VARIANCE = 1e-24
+# errors that readings from several images have in common beside poses and surfaces
+_ALIKE = ("localisation floor", "response", "edge state")
+
+
+def merged(
+    name: str,
+    target: Target,
+    readings: Sequence[Reading],
+    rule: DecisionRule,
+    missing: str = "",
+    *,
+    common: NDArray[np.float64] | None = None,
+) -> Result:
+    """Return the result of a target.
+
+    Readings have the weights that make the variance least, see `errors.many_images.best_weights`. Single points are
+    independent between images. The floor of the localisation, the response and broken edges are common, and do not
+    average out.
+
+    Parameters
+    ----------
+    name : str
+        The target's name.
+    target : Target
+        The target.
+    readings : sequence of Reading
+        Its readings.
+    rule : DecisionRule
+        How it is decided.
+    missing : str
+        Why there is no reading at all.
+    common : array (n, n), optional
+        Covariance of the measured readings by poses and surfaces. Default: poses are independent, and surfaces common.
+    """
+    target_fields = (name, target.kind, target.unit, target.nominal, target.tolerance)
+    good = [reading for reading in readings if reading.measured]
+    if not good:
+        reason = missing or "; ".join(dict.fromkeys(f"{r.image}: {r.reason}" for r in readings))
+        nothing = (math.nan, math.nan, Decision.NOT_MEASURED, math.nan)
+        # of the image in which most of it was found
+        advised = sorted(
+            (r for r in readings if r.advice), key=lambda r: r.found_share, reverse=True
+        )
+        advice = advised[0].advice if advised else ""
+        reason = reason or "no image shows it"
+        return Result(*target_fields, *nothing, reason, tuple(readings), advice=advice)
+    if good[0].deviation_mm and target.tolerance is not None:
+        return _position_result(name, target, readings, rule)
+    return _measured(name, target, readings, _weighted(good, common), rule)
+
+
+def joined_ends(
+    name: str,
+    target: Target,
+    ends: Sequence[Reading],
+    rule: DecisionRule,
+    common: NDArray[np.float64],
+) -> Result:
+    """Return the result of a target whose entities are read in different images.
+
+    The deviation is the sum of those by each entity. Localisation and its floor are errors of each entity. Response and
+    broken edges may move both alike, so their standard deviations are added up.
+
+    Parameters
+    ----------
+    name : str
+        The target's name.
+    target : Target
+        The target.
+    ends : sequence of Reading (n,)
+        The reading of each entity.
+    rule : DecisionRule
+        How it is decided.
+    common : array (n, n)
+        Covariance of the readings by poses and surfaces.
+    """
+    value = target.nominal + math.fsum(end.value - target.nominal for end in ends)
+    variance = float(common.sum()) + math.fsum(variances_of_points(ends).values())
+    where = ", ".join(f"{end.entity} in {end.image}" for end in ends)
+    notes = (f"no image shows all of it: {where}",)
+    combined = _Combined(value, math.sqrt(variance), notes)
+    return _measured(name, target, ends, combined, rule)
+
+
+class _Combined(NamedTuple):
+    """The value of several readings, its standard uncertainty, and what the user should know."""
+
+    value: float
+    u: float
+    notes: tuple[str, ...] = ()
+
+
+def _measured(
+    name: str,
+    target: Target,
+    readings: Sequence[Reading],
+    combined: _Combined,
+    rule: DecisionRule,
+) -> Result:
+    """Return the result of a target that has a value."""
+    value, u, notes = combined
+    notes += tuple(dict.fromkeys(note for r in readings if r.measured for note in r.notes))
+    deviation = value - target.nominal
+    decision = decide(deviation, u, target.tolerance, rule)
+    probability = math.nan
+    accepted = None
+    if target.tolerance is not None:
+        probability = conformance_probability(deviation, u, target.tolerance)
+        accepted = acceptance_limits(target.tolerance, u, rule)
+    return Result(
+        *(name, target.kind, target.unit, target.nominal, target.tolerance),
+        *(value, u, decision, probability),
+        *("", tuple(readings), notes, accepted),
+    )
+
+
+def _position_result(
+    name: str, target: Target, readings: Sequence[Reading], rule: DecisionRule
+) -> Result:
+    """Return the result of a position, by its best reading: two components, decided in a disc."""
+    good = [reading for reading in readings if reading.measured]
+    best = min(good, key=lambda reading: float(np.trace(np.array(reading.covariance_mm2))))
+    tolerance = target.tolerance or (0.0, 0.0)
+    datums: tuple[str, ...] = ()
+    if isinstance(target.measurand, Position):
+        datums = tuple(target.measurand.datum_names(target.entities))
+    n = len(best.deviation_mm)
+    joint = np.array(best.covariance_mm2)
+    covariance = joint[:n, :n]
+    bonus = _bonus(target.material, best)
+    decision, probability = decide_deviation(
+        best.deviation_mm, covariance, tolerance[1], rule, bonus
+    )
+    e = ", ".join(f"{component:+.4f}" for component in best.deviation_mm)
+    notes = [
+        f"e = ({e}) mm in the plane of the rim and the axes of the datum frame; a rim does not show the axis"
+    ]
+    bonus_mm = math.nan
+    if bonus is not None:
+        bonus_mm = max(0.0, bonus.surplus_mm)
+        condition = target.material.condition if target.material is not None else ""
+        notes.append(
+            f"bonus {bonus_mm:.4f} mm by ({condition}): the size is {best.size_mm:.4f} mm, "
+            f"U = {COVERAGE * bonus.u_mm:.2g} mm"
+        )
+    if len(good) > 1:
+        notes.append(f"from {best.image}, the surest of {len(good)} images")
+    notes += dict.fromkeys(note for reading in good for note in reading.notes)
+    return Result(
+        *(name, target.kind, target.unit, target.nominal, tolerance),
+        *(best.value, best.standard_uncertainty, decision, probability),
+        *("", tuple(readings), tuple(notes)),
+        interval=deviation_interval(best.deviation_mm, covariance),
+        bonus_mm=bonus_mm,
+        material="" if target.material is None else target.material.condition,
+        datums=datums,
+    )
+
+
+def _bonus(material: MaterialCondition | None, reading: Reading) -> Bonus | None:
+    """Return what the measured size of a position adds to its zone, with what it has in common with the position."""
+    if material is None or not math.isfinite(reading.size_mm):
+        return None
+    *shared, variance = reading.covariance_mm2[-1]
+    sign = 1.0 if material.has_lower_limit else -1.0
+    return Bonus(
+        material.surplus_mm(reading.size_mm),
+        math.sqrt(max(variance, 0.0)),
+        tuple(sign * each for each in shared),
+    )
+
+
+def weights_of(
+    readings: Sequence[Reading], common: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    """Return the weights of measured readings of one target, see `merged` and `joined_ends`."""
+    if len(readings) == 1 or readings[0].entity:
+        return np.ones(len(readings))
+    return best_weights(_apart(readings, common) + _alike(readings))
+
+
+def _apart(readings: Sequence[Reading], common: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """Return the covariance (n, n) of measured readings but for what moves those of all images alike."""
+    if common is not None:
+        return common + np.diag([reading.budget["localisation"] for reading in readings])
+    surfaces = np.sqrt([reading.budget["surfaces"] for reading in readings])
+    covariance = np.outer(surfaces, surfaces)
+    each = [
+        reading.standard_uncertainty**2 - math.fsum(reading.budget[source] for source in _ALIKE)
+        for reading in readings
+    ]
+    np.fill_diagonal(covariance, np.maximum(each, _LEAST_VARIANCE))
+    return covariance
+
+
+def _alike(readings: Sequence[Reading]) -> NDArray[np.float64]:
+    """Return the covariance (n, n) of readings by what moves those of all images alike."""
+    sigmas = [np.sqrt([reading.budget[source] for reading in readings]) for source in _ALIKE]
+    return np.sum([np.outer(sigma, sigma) for sigma in sigmas], axis=0)
+
+
+def _weighted(readings: Sequence[Reading], common: NDArray[np.float64] | None) -> _Combined:
+    """Return the weighted mean of readings, its standard uncertainty, and notes."""
+    if len(readings) == 1:
+        return _Combined(readings[0].value, readings[0].standard_uncertainty)
+    apart = _apart(readings, common)
+    alike = _alike(readings)
+    weights = best_weights(apart + alike)
+    values = np.array([reading.value for reading in readings])
+    value = float(weights @ values)
+    u = math.sqrt(max(float(weights @ (apart + alike) @ weights), 0.0))
+    # what readings may have in common, they need not have: they may differ by it
+    inverse = np.linalg.inv(apart + np.diag(np.diag(alike)))
+    off = values - (inverse @ values).sum() / inverse.sum()
+    spread = float(off @ inverse @ off)
+    freedoms = len(readings) - 1
+    if spread <= chi_squared_quantile(CONSISTENT, freedoms):
+        return _Combined(value, u)
+    note = f"{len(readings)} readings disagree: u is enlarged by their spread"
+    return _Combined(value, u * math.sqrt(spread / freedoms), (note,))

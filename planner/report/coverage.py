@@ -1,0 +1,184 @@
+"""What of a drawing a plan covers: each requirement in its frame, ticked or crossed, with the reason.
+
+A requirement is written as a drawing writes it: the symbol of its characteristic, its value or zone, and its datums in
+boxes. Characteristics of one pattern are one requirement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from errors.measurands import Position
+from planner.request.dimension import POSITIONS, zone_text
+from planner.request.targets import Target
+from planner.request.words import tolerance_text
+from planner.text_table import count
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+    from planner.plan import InspectionPlan
+
+_SYMBOLS = {
+    "angle": "∠",
+    "centre_distance": "↔",
+    "centre_to_edge": "↔",
+    "coaxiality": "◎",
+    "diameter": "⌀",
+    "distance": "↔",
+    "length": "↔",
+    "position": "⊕",
+    "radius": "R",
+    "symmetry": "≡",
+    "width_position": "⊕",
+}
+"""Symbols of characteristics like those of ISO 1101 and ISO 129, of characters that every font has."""
+
+ALL = "✓"
+SOME = "◐"
+NONE = "✗"
+
+_CLASSES = {ALL: "good", SOME: "open", NONE: "bad"}
+
+
+class Covered(NamedTuple):
+    """A requirement, and whether the plan covers it.
+
+    Attributes
+    ----------
+    mark : str
+        `ALL`, `SOME` or `NONE` of its characteristics are inspected.
+    style : str
+        Class of the page: "good", "open" or "bad".
+    name : str
+        Its name.
+    boxes : list of str
+        Symbol, value or zone, and datums; empty if the plan does not hold them.
+    text : str
+        Which settings measure it, or why none does.
+    """
+
+    mark: str
+    style: str
+    name: str
+    boxes: list[str]
+    text: str
+
+
+def coverage(plan: InspectionPlan) -> list[Covered]:
+    """Return what is asked of the part, each with whether the plan covers it.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+
+    Returns
+    -------
+    list of Covered
+        The targets in their order, then what the model requires and the plan leaves out.
+    """
+    groups: dict[str, list[str]] = {}
+    for name in plan.entities:
+        groups.setdefault(requirement_name(name), []).append(name)
+    settings: dict[str, list[int]] = {}
+    for number, setting in enumerate(plan.settings, start=1):
+        for name in setting.entities:
+            settings.setdefault(name, []).append(number)
+    rows = [_of_targets(plan, name, members, settings) for name, members in groups.items()]
+    rows += [
+        Covered(NONE, _CLASSES[NONE], name, [], reason) for name, reason in plan.not_planned.items()
+    ]
+    return rows
+
+
+def requirement_name(name: str) -> str:
+    """Return the name of the requirement that a characteristic is from, such as "bolts" of "bolts [2 of 6]".
+
+    Parameters
+    ----------
+    name : str
+        Name of a target.
+    """
+    head, bracket, tail = name.rpartition(" [")
+    return head if bracket and tail.endswith("]") and " of " in tail else name
+
+
+def _of_targets(
+    plan: InspectionPlan, name: str, members: Sequence[str], settings: dict[str, list[int]]
+) -> Covered:
+    inspected = [member for member in members if member in settings]
+    mark = NONE
+    if inspected:
+        mark = ALL if len(inspected) == len(members) else SOME
+    numbers = sorted({settings[member][0] for member in inspected})
+    texts = []
+    if len(members) > 1:
+        texts.append(f"{len(inspected)} of {len(members)}")
+    if numbers:
+        shown = ", ".join(map(str, numbers))
+        texts.append(f"{'setting' if len(numbers) == 1 else 'settings'} {shown}")
+    reasons = [
+        str(plan.uninspectable[member]) for member in members if member in plan.uninspectable
+    ]
+    texts += dict.fromkeys(reasons)
+    boxes = boxes_of(plan.targets[members[0]])
+    if len(members) > 1:
+        boxes[0] = f"{len(members)}× {boxes[0]}"
+    return Covered(mark, _CLASSES[mark], name, boxes, "; ".join(texts))
+
+
+def boxes_of(target: Target) -> list[str]:
+    """Return the boxes of a requirement as a drawing has them.
+
+    Parameters
+    ----------
+    target : Target
+        What is asked.
+
+    Returns
+    -------
+    list of str
+        Symbol; value with its tolerance, or zone; and the entities of each datum in its order.
+    """
+    symbol = _SYMBOLS.get(target.kind, target.kind.replace("_", " "))
+    if target.kind not in POSITIONS or target.tolerance is None:
+        tolerance = "" if target.tolerance is None else f" {tolerance_text(target.tolerance)}"
+        unit = "°" if target.unit == "deg" else ""
+        return [symbol, f"{target.nominal:.6g}{unit}{tolerance}"]
+    condition = "" if target.material is None else f" ({target.material.condition})"
+    zone = f"{zone_text(target.kind, target.tolerance[1])}{condition}"
+    assert isinstance(target.measurand, Position), "positions have datums"
+    return [symbol, zone, *target.measurand.datum_names(target.entities)]
+
+
+def verdict_text(rows: Iterable[Covered]) -> str:
+    """Return how many requirements are covered, in a sentence.
+
+    Parameters
+    ----------
+    rows : iterable of Covered
+        See `coverage`.
+    """
+    every = list(rows)
+    n_all = sum(row.mark == ALL for row in every)
+    n_some = sum(row.mark == SOME for row in every)
+    parts = f" {count(n_some, 'requirement')} in part." if n_some else ""
+    return f"{n_all} of {count(len(every), 'requirement')} covered.{parts}"
+
+
+def coverage_html(plan: InspectionPlan) -> Markup:
+    """Return the requirements as a page shows them: frames with a tick or a cross, and the reason.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    """
+    from ground.templates import render
+
+    rows = coverage(plan)
+    return render(
+        "planner", "report/templates/coverage.html", rows=rows, sentence=verdict_text(rows)
+    )

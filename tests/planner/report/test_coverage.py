@@ -1,0 +1,87 @@
+"""What of a drawing a plan covers, by a plan made by hand: every requirement once, with a mark and the reason."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import measured_plate as plate
+import pytest
+from plan_examples import changed
+
+from errors.measurands import Circle, Line
+from planner.report.coverage import (
+    ALL,
+    NONE,
+    SOME,
+    boxes_of,
+    coverage,
+    coverage_html,
+    requirement_name,
+    verdict_text,
+)
+from planner.request.dimension import MaterialCondition
+
+TOP = plate.TOP
+RIM = Circle([20.0, 25.0, TOP], plate.UP, 8.0)
+OTHER = Circle([60.0, 25.0, TOP], plate.UP, 6.0)
+FRONT = Line([0.0, 0.0, TOP], [80.0, 0.0, TOP])
+BACK = Line([0.0, 50.0, TOP], [80.0, 50.0, TOP])
+
+
+@pytest.fixture(scope="module")
+def plan():
+    made = plate.measured_plan(plate.thick_plate(), ("left", "right", "width"), 1)
+    targets = (
+        *(replace(made.targets[name], name=name) for name in ("width",)),
+        replace(made.targets["left"], name="bore [1 of 2]"),
+        replace(made.targets["right"], name="bore [2 of 2]"),
+    )
+    setting = replace(
+        made.settings[0],
+        entities=("width", "bore [1 of 2]"),
+        probability=dict.fromkeys(("width", "bore [1 of 2]"), 0.95),
+    )
+    return changed(
+        made,
+        targets=targets,
+        settings=(setting,),
+        uninspectable={"bore [2 of 2]": "outside the field of view"},
+        not_planned={"Flatness.1": "flatness of a face: edges do not show it"},
+    )
+
+
+def test_each_requirement_is_marked_once_with_settings_or_the_reason(plan):
+    rows = coverage(plan)
+    assert [(row.name, row.mark) for row in rows] == [
+        ("width", ALL),
+        ("bore", SOME),
+        ("Flatness.1", NONE),
+    ]
+    assert rows[0].text == "setting 1"
+    assert rows[1].text == "1 of 2; setting 1; outside the field of view"
+    assert rows[1].boxes == ["2× ⌀", "16 ±0.1"]
+    assert verdict_text(rows) == "1 of 3 requirements covered. 1 requirement in part."
+
+
+def test_the_page_escapes_names_and_has_a_frame_for_each_value(plan):
+    odd = changed(plan, not_planned={"<b>": "needs the surface"})
+    page = str(coverage_html(odd))
+    assert "&lt;b&gt;" in page
+    assert page.count('class="frame"') == 2
+    assert page.count("<li") == 3
+
+
+def test_a_position_has_its_zone_condition_and_datums_in_boxes():
+    bolt = plate.dimension("position", ("r0", "e17", "r 4"), (RIM, FRONT, OTHER), (0.0, 0.25))
+    bolt = replace(bolt, material=MaterialCondition("M", 15.9, True))
+    assert boxes_of(bolt) == ["⊕", "⌀0.25 (M)", "e17", "r 4"]
+    slot = plate.dimension("symmetry", ("e1", "e2", "e3", "e4"), (FRONT, BACK) * 2, (0.0, 0.1))
+    assert boxes_of(slot) == ["≡", "0.1", "e3-e4"]
+
+
+@pytest.mark.parametrize(
+    ("name", "requirement"),
+    [("bolts [2 of 6]", "bolts"), ("size [H7]", "size [H7]"), ("w [2 of 3 places]", "w")],
+)
+def test_features_and_positions_of_one_requirement_share_its_name(name, requirement):
+    assert requirement_name(name) == requirement
