@@ -136,6 +136,10 @@ class InspectionOptions(RunOptions):
         The program predicts it from what each pose shows of the part. A `PoseUncertainty` is that
         of poses that something else measures. Where the camera may be while it takes the images,
         remains ``pose_uncertainty``. Default: values are read with the planned poses.
+    split : {"auto", "never"}
+        Whether different settings may measure the two entities of a distance. With "auto", they do
+        where that inspects more or saves a setting. With "never", one image shows all entities of a
+        target. `measure` reads such values from all images together.
     edge_break_mm : (float, float), optional
         By how much the part's edges are broken along their faces, least and most, mm, such as
         (0.1, 0.3). A `Dimension` may state its own. The camera sees a broken edge next to the edge
@@ -174,6 +178,7 @@ class InspectionOptions(RunOptions):
     surfaces_mm: float | None = None
     registration: Any = None
     edge_break_mm: tuple[float, float] | None = None
+    split: str = "auto"
     poses: Any = None
     gap: float = 0.0
 

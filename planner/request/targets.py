@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errors.checks import percent_text
-from errors.measurands import Circle, Line, Localisation, Measurand
+from errors.measurands import Circle, End, Line, Localisation, Measurand
+from errors.measurands import can_be_split as measurand_can_be_split
 from errors.measurands.geometry import Geometry
 from errors.measurands.measurand import measurand
 from ground.convert import STATED, Meta
@@ -827,11 +828,41 @@ def edge_targets(entities: Mapping[str, Any], names: Sequence[str]) -> tuple[Tar
 
 
 def targets_of(targets: Mapping[str, Target], setting: Any) -> Mapping[str, Target]:
-    """Return targets of a plan, by name, as a setting measures them: each by the witness used there."""
+    """Return targets of a plan, by name, as a setting measures them: each by the witness used there, or one end."""
     chosen: Mapping[str, int] = getattr(setting, "witness", {})
-    if not chosen:
+    ends: Mapping[str, int] = getattr(setting, "ends", {})
+    if not chosen and not ends:
         return targets
-    return {**targets, **{name: targets[name].choosing(k) for name, k in chosen.items()}}
+    here = {**targets, **{name: targets[name].choosing(k) for name, k in chosen.items()}}
+    return {**here, **{name: end_of(here[name], k) for name, k in ends.items()}}
+
+
+END_SHARE = math.sqrt(0.5)
+"""Share of the permitted error that each end of a target may have: half of the variance."""
+
+
+def can_be_split(target: Target) -> bool:
+    """Return whether settings may measure the entities of a target apart."""
+    return isinstance(target, PlannedDimension) and measurand_can_be_split(target.measurand)
+
+
+def end_of(target: Target, entity: int) -> PlannedDimension:
+    """Return one entity of a target as a target of its own: what it has in the value, with its share of the error.
+
+    Parameters
+    ----------
+    target : Target
+        One that `can_be_split`. Each of its witnesses gives one of the end.
+    entity : int
+        Number of the entity.
+    """
+    assert isinstance(target, PlannedDimension)
+    witnesses = tuple(
+        Witness((witness.records[entity],), End(witness.measurand, entity))
+        for witness in target.witnesses
+    )
+    error = END_SHARE * target.permitted_error
+    return replace(target, witnesses=witnesses, permitted_error=error, tolerance=None, share=None)
 
 
 def words_of(targets: Mapping[str, Target]) -> TargetWords:
