@@ -340,10 +340,15 @@ class InspectionPlan(PlanTables):
             The content that `write` writes, with format, version and units. Numbers that are not
             finite remain floats.
         """
+        from errors.checks import below_one
         from planner.identity import stored_request
         from planner.verify.setting_record import setting_dict
 
         kinds = kinds_record(self.uninspectable)
+        split = {
+            name: {**asdict(value), "probability": below_one(value.probability)}
+            for name, value in self.split.items()
+        }
         return {
             "format": FORMAT,
             "version": VERSION,
@@ -359,7 +364,7 @@ class InspectionPlan(PlanTables):
             **({"uninspectable_kinds": kinds} if kinds else {}),
             **({"not_planned": dict(self.not_planned)} if self.not_planned else {}),
             "settings": [setting_dict(self, setting) for setting in self.settings],
-            **({"split": {n: asdict(v) for n, v in self.split.items()}} if self.split else {}),
+            **({"split": split} if split else {}),
             **({} if self.light is None else {"light": self.light.to_dict()}),
             "simulation": None if self.simulation is None else self.simulation.to_dict(),
         }

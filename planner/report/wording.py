@@ -358,7 +358,7 @@ def _counted(result: SimulationResult, n: int) -> str:
 
 def _largest(result: SimulationResult, kind: str) -> str:
     """Return the largest difference between prediction and frequency among rates of a kind."""
-    rates = [rate for rates in result.rates for rate in rates.values() if rate.verdict == kind]
+    rates = [rate for rate in result.all_rates if rate.verdict == kind]
     return f"{max(abs(rate.predicted - rate.frequency) for rate in rates):.2g}"
 
 
@@ -460,6 +460,7 @@ def verdict(plan: InspectionPlan) -> str:
         f"{inspected} of {count(len(plan.entities), *items)} inspected from {count(n, 'setting')}."
     ]
     sentences.append(features_sentence(plan))
+    sentences.append(split_sentence(plan))
     if n:
         sentences.append(bound_sentence(plan, items))
         sentences += simulated_sentences(plan)
@@ -469,6 +470,19 @@ def verdict(plan: InspectionPlan) -> str:
         sentences.append(light_sentence(plan))
     sentences.append(unlit_sentence(plan))
     return " ".join(filter(None, sentences))
+
+
+def split_sentence(plan: InspectionPlan) -> str:
+    """Say which dimensions two settings measure together; nothing of a plan without such."""
+    if not plan.split:
+        return ""
+    parts = [
+        f"{name} by settings {' and '.join(str(ends[k] + 1) for k in sorted(ends))}"
+        for name, ends in plan.ends.items()
+    ]
+    verb = "is" if len(parts) == 1 else "are"
+    which = count(len(parts), "dimension")
+    return f"{which} {verb} measured by two settings, one entity in each: {', '.join(parts)}."
 
 
 def evolved_sentence(plan: InspectionPlan) -> str:
