@@ -36,6 +36,7 @@ from planner.request.problem import OF_SHOWING, Problem, why_missed
 from planner.request.reach import Space, TargetSpace
 from planner.request.targets import Target, knowledge_of
 from planner.resolve_request import problem_on, resolve_request, resolve_targets
+from planner.search.realise_column import poses_stated
 from planner.text_table import Column, Table
 from planner.verify.simulate_setting import MOST_REQUIRED, DisplacedChecks, poses_needed
 
@@ -46,11 +47,6 @@ if TYPE_CHECKING:
     from planner.plan import InspectionPlan
 
 # How sure is it from here? What a given pose inspects, without planning.
-
-
-# displaced poses for P_all, and those where these do not decide
-_POSES = 2000
-_SURE_POSES = 20_000
 
 
 @dataclass(frozen=True)
@@ -84,8 +80,11 @@ class PosePrediction:
     p_all : float
         Probability that the displaced camera has the target in the picture, in focus, unhidden and
         apart from other lines, and that the error is at most the permitted one. It is a lower bound
-        with 99.9 % confidence over 2000 displaced poses or more, see `planner.verify.simulate_setting`, and nan if the
+        with 99.9 % confidence, as in a plan (`planner.verify.simulate_setting`), and nan if the
         target is not ``inspected``.
+    p_all_poses : int
+        Displaced poses of which it was counted: 20,000, and fewer where more than 20 measurements
+        are predicted together. 0 if the target is not ``inspected``.
     conditional_probability : float
         P(error at most the permitted one) for a target found in the image, even if it breaks a
         constraint. It is nan if a point of the target is behind the camera.
@@ -110,6 +109,7 @@ class PosePrediction:
     conditional_probability: float
     missed: dict[str, float]
     p_all: float = math.nan
+    p_all_poses: int = 0
     worst_share: float = field(default=0.0, repr=False)
 
     __repr__ = short_repr
@@ -405,15 +405,17 @@ def predict_poses(
     problem = registered_problem(
         problem_on(request, regions, request.targets), request.registration
     )
+    uncounted = [_predictions(problem, pose.cam2world) for pose in poses]
+    inspected = sum(len(_with_value(targets)) for targets in uncounted)
     predictions = []
-    for k, pose in enumerate(poses):
-        predictions.append(_predictions(problem, pose.cam2world))
+    for k, (pose, targets) in enumerate(zip(poses, uncounted, strict=True)):
+        predictions.append(_counted(problem, targets, pose.cam2world, poses_stated(inspected)))
         report(settings.progress, k + 1, len(poses), "poses")
     return PosesPrediction(tuple(poses), tuple(predictions), request.probability)
 
 
 def _predictions(problem: Problem, cam2world: np.ndarray) -> dict[str, PosePrediction]:
-    """Say how sure each target is measured from a pose, and what keeps it from being measured."""
+    """Say how sure each target is measured from a pose, and what keeps it from being measured; P_all is left open."""
     seen = _observable(problem.space, cam2world[:3, 3])
     # a request without a choice keeps what it has made
     here = problem.at_pose(cam2world, problem.names) if problem.has_choice else problem
@@ -424,10 +426,6 @@ def _predictions(problem: Problem, cam2world: np.ndarray) -> dict[str, PosePredi
     }
     if_found = here.objective.probability(cam2world[None])[0]
     met = np.all([margin >= 0 for margin in margins.values()], axis=0) & seen
-    names = [name for name, is_met in zip(here.names, met, strict=True) if is_met]
-    p_all: dict[str, float] = {}
-    if names:
-        p_all = _counted(here, names, cam2world)
     scales = {name: here.constraints.scale(name) for name in margins}
     predictions = {}
     for k, target in enumerate(here.targets):
@@ -455,29 +453,32 @@ def _predictions(problem: Problem, cam2world: np.ndarray) -> dict[str, PosePredi
             margins=own_margins,
             conditional_probability=_if_found(probability, target, cam2world),
             missed=missed,
-            p_all=min(p_all[target.name], probability) if met[k] else math.nan,
             worst_share=max(shares, default=0.0 if seen[k] else 1.0),
         )
     return predictions
 
 
-def _counted(here: Problem, names: Sequence[str], cam2world: np.ndarray) -> dict[str, float]:
-    """Return lower bounds of P_all; over more displaced poses where few do not decide whether it is enough."""
-    required = min(here.probability, MOST_REQUIRED)
-    bounds: dict[str, float] = {}
-    undecided = list(names)
-    for at_least in (_POSES, _SURE_POSES):
-        n = poses_needed(required, at_least)
-        counts = DisplacedChecks(here, undecided).count(cam2world, n, seed=0)
-        bounds.update(counts.lower)
-        undecided = [
-            name
-            for name, hits in zip(counts.names, counts.successes, strict=True)
-            if hits >= required * counts.n and bounds[name] < required
-        ]
-        if not undecided:
-            break
-    return bounds
+def _with_value(targets: dict[str, PosePrediction]) -> list[str]:
+    return [name for name, target in targets.items() if not math.isnan(target.probability)]
+
+
+def _counted(
+    problem: Problem, targets: dict[str, PosePrediction], cam2world: np.ndarray, at_least: int
+) -> dict[str, PosePrediction]:
+    """Return predictions at a pose with their lower bounds of P_all, as a plan counts them."""
+    names = _with_value(targets)
+    if not names:
+        return targets
+    here = problem.at_pose(cam2world, problem.names) if problem.has_choice else problem
+    n = poses_needed(min(here.probability, MOST_REQUIRED), at_least)
+    lower = DisplacedChecks(here, names).count(cam2world, n, seed=0).lower
+    counted = {
+        name: replace(
+            targets[name], p_all=min(lower[name], targets[name].probability), p_all_poses=n
+        )
+        for name in names
+    }
+    return {**targets, **counted}
 
 
 def _if_found(probability: float, target: Target, cam2world: np.ndarray) -> float:

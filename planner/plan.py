@@ -216,7 +216,7 @@ class InspectionPlan(PlanTables):
             else ""
         )
         items = words_of(self.targets).items[1]
-        shares = f"{len(inspected)} of {len(self.targets)} {items} inspected"
+        shares = f"{len(inspected) - len(self.unlit)} of {len(self.targets)} {items} inspected"
         features = f", {self.features_text}" if self.features_text else ""
         return f"<InspectionPlan of {self.part!r}: {settings}, {shares}{features}{worst}>"
 
@@ -274,6 +274,26 @@ class InspectionPlan(PlanTables):
         }
         best |= {name: value.p_all for name, value in self.split.items()}
         return {name: p for name, p in best.items() if name not in self.uninspectable}
+
+    @property
+    def unlit(self) -> tuple[str, ...]:
+        """Targets that cameras inspect, but that no lamp shows in any setting; none without planned light."""
+        if self.light is None:
+            return ()
+        lit = {
+            name
+            for setting, dark in zip(self.settings, self.light.unlit, strict=False)
+            for name in setting.entities
+            if name not in dark
+        }
+        # of what two settings measure, both entities must show
+        dark = {
+            name
+            for setting, unlit in zip(self.settings, self.light.unlit, strict=False)
+            for name in setting.ends
+            if name in unlit
+        }
+        return tuple(name for name in self.inspected if name not in lit or name in dark)
 
     def simulate(
         self,

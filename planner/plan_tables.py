@@ -57,6 +57,10 @@ class PlanTables(ShownInNotebook):
         def features_text(self) -> str:
             """Words on the characteristics that are left out."""
 
+        @property
+        def unlit(self) -> tuple[str, ...]:
+            """Targets that no lamp shows."""
+
     def ends_of(self, setting: Any, name: str) -> np.ndarray:
         """Return two points far apart of what a setting measures a target from.
 
@@ -248,9 +252,11 @@ class PlanTables(ShownInNotebook):
             return Toned("No target is inspected.", "bad")
         promises = [s.promise[name] for s in self.settings for name in s.entities]
         sure = f"smallest {self._promised} {probability_text(min(promises), self.probability)}"
-        n = len(self.uninspectable)
+        n = len(self.uninspectable) + len(self.unlit)
         if n:
-            return Toned(f"{n} of {len(self.targets)} targets not inspected; {sure}.", "bad")
+            dark = f"; no lamp shows {', '.join(self.unlit)}" if self.unlit else ""
+            text = f"{n} of {len(self.targets)} targets not inspected; {sure}{dark}."
+            return Toned(text, "bad")
         if len(self.settings) > self.lower_bound:
             bound = f"at least {self.lower_bound} of {len(self.settings)} settings are needed"
             return Toned(f"Every target is inspected; {sure}; {bound}.", "open")
@@ -258,9 +264,10 @@ class PlanTables(ShownInNotebook):
 
     def _caption(self) -> str:
         total = len(self.targets)
+        shown = total - len(self.uninspectable) - len(self.unlit)
         settings = "1 setting" if len(self.settings) == 1 else f"{len(self.settings)} settings"
         return (
-            f"{self.part or 'part'}: {total - len(self.uninspectable)} of {total} inspected in {settings} (at least "
+            f"{self.part or 'part'}: {shown} of {total} inspected in {settings} (at least "
             f"{self.lower_bound} needed), A = {self.accuracy:g}, P ≥ {self.probability:g}"
             f"{'; ' if self.features_text else ''}{self.features_text}"
         )

@@ -184,7 +184,11 @@ def labelled(progress: Progress | None, label: str) -> Progress | None:
 
 @contextmanager
 def terminal_progress(
-    stream: TextIO | None = None, *, quiet: bool = False, lines: bool = False
+    stream: TextIO | None = None,
+    *,
+    quiet: bool = False,
+    lines: bool = False,
+    waiting: bool = False,
 ) -> Iterator[Progress | None]:
     """Show progress: a live bar per label on a terminal, otherwise one line per finished label.
 
@@ -196,6 +200,8 @@ def terminal_progress(
         Show nothing.
     lines : bool
         Lines on a terminal, too: they stay when the work is done.
+    waiting : bool
+        Of few labels that take long: where there are lines, also say soon how far each is, and now and then.
     """
     if quiet:
         with _compiling(None):
@@ -208,7 +214,11 @@ def terminal_progress(
     else:
         line_stream = _LineStream(stream)
         with _compiling(line_stream):
-            yield line_stream
+            if not waiting:
+                yield line_stream
+                return
+            with _Waiting(line_stream, all_told=True) as progress:
+                yield progress
 
 
 @contextmanager

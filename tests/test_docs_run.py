@@ -84,7 +84,7 @@ def test_commands_run_as_printed(page, clone, capsys):
         out = capsys.readouterr().out
         check_rehearsal()
         assert "12 of 12 entities inspected from 1 setting" in out
-        assert "Proven minimal" in out
+        assert "proven to be the fewest" in out
         assert read_plan("boss/plan.json").complete
         assert "<html" in Path("edges.html").read_text(encoding="utf-8")
     if page.stem == "measuring":

@@ -150,7 +150,9 @@ def render(options: Render) -> int:
             write_error(
                 "aspectgraph: the plan has no light; a lamp on the camera lights the images"
             )
-        with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
+        with terminal_progress(
+            quiet=options.quiet, lines=options.verbose, waiting=True
+        ) as progress:
             files = rehearsal.write(out, "--out", progress)
     if options.json:
         print_json(to_plain(rehearsal.truth))

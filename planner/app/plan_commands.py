@@ -525,9 +525,8 @@ def plan(options: Plan) -> int:
         _print_planned(options, result, job, written, leftovers)
         if interrupted:
             raise KeyboardInterrupt
-    lit = result.light is None or result.light.complete
     confirmed = result.simulation is not None and result.simulation.confirmed
-    return DONE if result.complete and confirmed and lit else INCOMPLETE
+    return DONE if result.complete and confirmed and not result.unlit else INCOMPLETE
 
 
 def _print_planned(
@@ -548,11 +547,12 @@ def _print_planned(
     print_unit(job.part, job.reading.get("units"))
     _print_left_out(job.targets)
     if options.explain:
+        terminal_tables.print_details(result)
         terminal_tables.print_explanation(result)
         if text := localisation_text(options, job.targets.items):
             print_text(text)
     elif result.settings:
-        print("--explain prints what P and P_all mean, and what is assumed.")
+        print("--explain prints the proof, what P and P_all mean, and what is assumed.")
     if result.unfinished and leftovers:
         print("The same command with --resume continues from here.")
     for text in written.notes:

@@ -29,6 +29,7 @@ from planner.robotprogram.program import FixturedTour, RobotProgram, Stop
 from planner.robotprogram.program_texts import (
     FORMATS,
     CameraSignals,
+    check_program_file,
     check_program_speed,
     write_program,
 )
@@ -54,6 +55,7 @@ def program(options: Program) -> int:
     if options.plan_out is not None:
         check_file_place(options.plan_out, "--plan-out", PLAN)
     check_program_speed(options.speed, options.format)
+    check_program_file(Path(out), options.format, "--out")
     signals = CameraSignals(
         settle_s=options.settle,
         trigger_output=options.trigger_output,
@@ -83,6 +85,7 @@ def program(options: Program) -> int:
         print_json(made.to_dict())
     else:
         _print_program(made)
+        print_lamp_note(plan)
         print(visible(str(path)))
         if made.plan is not None:
             print(visible(str(options.plan_out)))
@@ -146,6 +149,21 @@ def _print_program(made: RobotProgram) -> None:
         print_text(f"warning: {text}")
 
 
+def print_lamp_note(plan: InspectionPlan) -> None:
+    """Print that lamps of a plan are no bodies of the cell; nothing of a plan without lamps that stand somewhere."""
+    light = plan.light
+    if light is None or light.area is not None or light.kind == "ring" or not len(light.lamps):
+        return
+    places = [
+        f"lamp {k} at ({x:.0f}, {y:.0f}, {z:.0f})"
+        for k, (x, y, z) in enumerate(light.lamps.tolist(), start=1)
+    ]
+    print_text(
+        f"note: the plan's lamps are no obstacles of the cell: {', '.join(places)} mm in the frame of the part, with "
+        "which they move. Add them to the obstacles of the fixturing"
+    )
+
+
 def _row(tour: FixturedTour, stop: Stop, states_p: bool) -> tuple[str, ...]:
     degrees = np.round(np.degrees(stop.joints), 1) + 0.0
     turned = "" if tour.turntable is None else f"table {degrees[-1]:g}°: "
@@ -200,6 +218,7 @@ def reach(options: Reach) -> int:
             print(text, file=sys.stderr)
         return DONE if reachability.complete else INCOMPLETE
     _print_reached(reachability, cell)
+    print_lamp_note(plan)
     changed = cell.difference(plan.cell)
     if changed:
         print_text(f"note: the cell of the plan differs from the cell given, in {changed}")
@@ -326,6 +345,7 @@ def _placed(options: Reach, plan: InspectionPlan, solid: Solid, cell: Cell) -> i
         print_json([placement.to_dict() for placement in placements])
     else:
         _print_places(placements, len(plan.settings), cell, options.cell)
+        print_lamp_note(plan)
     if options.cell_out is not None and placements:
         _write_cell(options, placements[0])
     return DONE if placements and placements[0].n_reached == len(plan.settings) else INCOMPLETE
@@ -370,6 +390,7 @@ def _laid(options: Reach, plan: InspectionPlan, solid: Solid, cell: Cell) -> int
         print_json([_way_record(way) for way in ways])
     else:
         _print_layings(ways, search.sides, plan, cell)
+        print_lamp_note(plan)
     if options.cell_out is not None and ways:
         out = Path(str(options.cell_out))
         content = laid_cell(options.cell, ways[0].laid.fixturings, out.parent)

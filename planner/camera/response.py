@@ -155,6 +155,19 @@ class Response:
         above = np.maximum((above - self.black) / (1 - self.black), 0.0)
         return np.asarray(above**self.gamma)
 
+    def level(self, light: NDArray[Any]) -> Array:
+        """Return the grey values (...) of light (...), both as shares of those of full exposure; inverse of `light`.
+
+        Light is taken as 0 at least, and a curve ends with its last row.
+        """
+        exposure = np.maximum(np.asarray(light, dtype=np.float64), 0.0)
+        if self.levels:
+            return np.interp(exposure, self.lights, self.levels)
+        if self.text == SRGB_NAME:
+            power = (1 + _SRGB_OFFSET) * exposure ** (1 / _SRGB_POWER) - _SRGB_OFFSET
+            return np.where(exposure <= _SRGB_END / _SRGB_SLOPE, _SRGB_SLOPE * exposure, power)
+        return np.asarray(self.black + (1 - self.black) * exposure ** (1 / self.gamma))
+
     def applied(self, levels: NDArray[np.float32], white: float) -> NDArray[np.float32]:
         """Return light (h, w) of grey values (h, w), scaled so that full exposure remains the same number."""
         if self.is_linear:

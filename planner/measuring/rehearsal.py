@@ -8,9 +8,10 @@ part looks.
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
@@ -25,6 +26,7 @@ from errors.measurands import Circle, Line
 from ground.convert import Meta, Shape, to_plain
 from planner.argument_kinds import NOT_NEGATIVE, check_count, check_kinds, check_number
 from planner.camera.camera import Camera, tangents_of
+from planner.camera.response import LINEAR, Response
 from planner.files import staged_folder, write_text
 from planner.light.area_light import AreaLight
 from planner.light.light_plan import WHITE_SHARE, beside
@@ -60,6 +62,9 @@ DARK_SHARE = 0.04
 """Grey value behind the part and in shadows, as a share of white."""
 
 _BRIGHT_GROUND = 0.85
+_RENDERING = "rendering images"
+# grey value of full exposure, of 8 bits
+_WHITE = 255
 # rays along each side of a pixel where the picture changes by more than this share of the brightest place
 _SAMPLES = 4
 _CHANGE = 0.01
@@ -91,6 +96,10 @@ class Truth:
         has the same value in both.
     poses : dict of str to array (4, 4)
         Where the camera was, by image: camera to world, mm.
+    response : str
+        Of the grey values: that of the plan's camera, otherwise "linear".
+    white_level : int
+        Grey value of full exposure.
     """
 
     seed: int
@@ -101,6 +110,8 @@ class Truth:
         default=FORMAT
     )
     version: Literal[1] = 1
+    response: str = LINEAR.text
+    white_level: Annotated[int, Meta(gt=0, title="must be a number above 0")] = _WHITE
 
 
 class Rendered(NamedTuple):
@@ -111,13 +122,13 @@ class Rendered(NamedTuple):
     shot : Shot
         Which.
     grey : array (h, w)
-        8 bits, proportional to light.
+        Of the camera's response. Of 8 bits, or of 16 where the camera's ``white_level`` is above 255.
     pose : array (4, 4)
         Where the camera was.
     """
 
     shot: Shot
-    grey: NDArray[np.uint8]
+    grey: NDArray[np.uint8 | np.uint16]
     pose: Array
 
 
@@ -304,12 +315,29 @@ class _Renderer:
         self._camera = camera
         self._middle = middle
 
-    def image(self, pose: Array, light: _Light, rng: np.random.Generator) -> Array:
-        """Return the light at each pixel (h, w), several rays for each where it changes."""
+    @property
+    def steps(self) -> int:
+        """How many steps an image takes; those with many rays come first."""
+        width, height = self._camera.resolution
+        return -(-width * height // _RAYS) + _SAMPLES**2
+
+    def image(
+        self,
+        pose: Array,
+        light: _Light,
+        rng: np.random.Generator,
+        on_step: Callable[[], None] = lambda: None,
+    ) -> Array:
+        """Return the light at each pixel (h, w), several rays for each where it changes, and tell of each step."""
         width, height = self._camera.resolution
         v, u = np.mgrid[:height, :width]
         pixels = np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float64)
-        grey = self._at(pixels, pose, light).reshape(height, width)
+        light_at = np.empty(len(pixels))
+        for start in range(0, len(pixels), _RAYS):
+            part = slice(start, start + _RAYS)
+            light_at[part] = self._at(pixels[part], pose, light)
+            on_step()
+        grey = light_at.reshape(height, width)
         change = maximum_filter(grey, 3) - minimum_filter(grey, 3) > _CHANGE
         again = np.flatnonzero(binary_dilation(change, iterations=2))
         cells = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
@@ -317,6 +345,7 @@ class _Renderer:
         for step in np.stack(np.meshgrid(cells, cells), axis=-1).reshape(-1, 2):
             jitter = rng.uniform(-0.5, 0.5, (len(again), 2)) / _SAMPLES
             total += self._at(pixels[again] + step + jitter, pose, light)
+            on_step()
         grey.flat[again] = total / _SAMPLES**2
         return np.asarray(gaussian_filter(grey, BLUR_PX, mode="nearest"))
 
@@ -408,11 +437,16 @@ class Rehearsal:
         poses = [self._drawn_pose(k, exact_poses) for k in range(len(plan.settings))]
         middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
         self._renderer = _Renderer(part.scene, plan.camera, middle)
+        self._response = LINEAR
+        if plan.camera.response is not None:
+            self._response = Response.of(plan.camera.response)
         self.truth = Truth(
             seed,
             float(surfaces_mm),
             {shot.name: self._values(part, shot) for shot in self._shots},
             {shot.name: poses[shot.setting] for shot in self._shots},
+            response=self._response.text,
+            white_level=plan.camera.white_level or _WHITE,
         )
 
     @property
@@ -420,22 +454,43 @@ class Rehearsal:
         """Whether the plan has no lamps, so that a light on the camera stands for them."""
         return self._plan.light is None
 
-    def images(self) -> Iterator[Rendered]:
+    def images(self, progress: Progress | None = None) -> Iterator[Rendered]:
         """Render one image after the other, in the order of the plan.
+
+        Parameters
+        ----------
+        progress : callable, optional
+            Takes how many steps are done, of how many, and a label.
 
         Yields
         ------
         Rendered
             Image, what it is of, and its pose.
         """
+        every = self._renderer.steps * len(self._shots)
+        count = itertools.count(1)
+        report(progress, 0, every, _RENDERING)
         for shot in self._shots:
             pose = self.truth.poses[shot.name]
-            grey = self._renderer.image(pose, self._light(shot, pose), self._rng)
+            grey = self._renderer.image(
+                pose,
+                self._light(shot, pose),
+                self._rng,
+                lambda: report(progress, next(count), every, _RENDERING),
+            )
             # as a person sets the exposure: by the brightest place beside what is measured
             exposed = WHITE_SHARE * grey / max(self._bright(shot, grey, pose), 1e-9)
-            exposed += NOISE_SHARE * self._rng.standard_normal(grey.shape)
-            levels = np.clip(np.rint(255 * exposed), 0, 255).astype(np.uint8)
-            yield Rendered(shot, levels, pose)
+            yield Rendered(shot, self._levels(exposed), pose)
+
+    def _levels(self, light: Array) -> NDArray[np.uint8 | np.uint16]:
+        """Return grey values as the camera states them: of its response, up to its white."""
+        share = light
+        if not self._response.is_linear:
+            share = self._response.level(light)
+        share = share + NOISE_SHARE * self._rng.standard_normal(light.shape)
+        white = self.truth.white_level
+        depth = np.uint8 if white <= _WHITE else np.uint16
+        return np.clip(np.rint(white * share), 0, white).astype(depth)
 
     def write(
         self,
@@ -452,7 +507,7 @@ class Rehearsal:
         parameter : str
             What the caller knows the folder as.
         progress : callable, optional
-            Takes how many images are done, of how many, and a label.
+            Takes how many steps are done, of how many, and a label.
 
         Returns
         -------
@@ -468,10 +523,8 @@ class Rehearsal:
 
         names = [TRUTH, *(f"{shot.name}.png" for shot in self._shots)]
         with staged_folder(folder, names, parameter) as staging:
-            report(progress, 0, len(self._shots), "images")
-            for n_done, rendered in enumerate(self.images(), 1):
+            for rendered in self.images(progress):
                 Image.fromarray(rendered.grey).save(staging / f"{rendered.shot.name}.png")
-                report(progress, n_done, len(self._shots), "images")
             text = json.dumps(to_plain(self.truth), indent=1, allow_nan=False, ensure_ascii=False)
             write_text(staging / TRUTH, text + "\n")
         return [str(Path(folder) / name) for name in names]

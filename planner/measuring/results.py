@@ -790,6 +790,7 @@ _WITH_UNIT = frozenset(
     ("nominal", "lower", "upper", "value", "deviation", "u", "U", "accepted_from", "accepted_to")
 )
 # shares and pixels
+_NOMINAL_DECIMALS = 5
 _DECIMALS_OF = {"P_conforms": 6, "found": 3, "rms_px": 4, "overexposed": 4}
 
 
@@ -1116,6 +1117,9 @@ def _rounded_row(row: Mapping[str, Any]) -> dict[str, Any]:
             continue
         if name in ("value", "deviation", "u", "U"):
             rounded[name] = round(value, decimals + (name == "u"))
+        elif name == "nominal":
+            # a double's last digits are no drawing's
+            rounded[name] = round(value, max(decimals + 2, _NOMINAL_DECIMALS))
         elif name.startswith("u_"):
             rounded[name] = round(value, decimals + 1)
         elif name in _DECIMALS_OF:

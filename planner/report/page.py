@@ -778,15 +778,16 @@ def _nouns(plan: InspectionPlan) -> tuple[str, str]:
 def _lead(plan: InspectionPlan) -> str:
     """Say in at most three sentences what the plan does, and what is proven."""
     n = len(plan.settings)
-    inspected = len(plan.inspected)
+    inspected = len(plan.inspected) - len(plan.unlit)
     n_targets = count(len(plan.entities), *_nouns(plan))
     features = features_sentence(plan)
     if not n:
         return f"{inspected} of {n_targets} inspected: the plan has no camera poses. {features}".rstrip()
     verb = "is" if inspected == 1 else "are"
+    dark = f"No lamp shows {', '.join(plan.unlit)}. " if plan.unlit else ""
     return (
         f"{inspected} of {n_targets} {verb} measured from {count(n, _POSE)} ({_numbers(n)}). "
-        f"{bound_sentence(plan, _nouns(plan), _POSE)}"
+        f"{dark}{bound_sentence(plan, _nouns(plan), _POSE)}"
     )
 
 
@@ -819,7 +820,8 @@ def _figures(plan: InspectionPlan) -> list[tuple[str, str]]:
     cells = [(str(n), "camera pose" if n == 1 else "camera poses")]
     if n:
         cells.append((str(plan.lower_bound), _bound_label(plan)))
-    cells.append((f"{len(plan.inspected)} / {len(plan.entities)}", f"{_nouns(plan)[1]} inspected"))
+    shown = len(plan.inspected) - len(plan.unlit)
+    cells.append((f"{shown} / {len(plan.entities)}", f"{_nouns(plan)[1]} inspected"))
     if plan.n_features_not_planned:
         measured = sum(name in plan.dimensions for name in plan.inspected)
         cells.append((f"{measured} / {plan.n_features}", "characteristics inspected"))

@@ -38,6 +38,7 @@ from planner.report.wording import (
     lamps_named,
     margin_texts,
     surfaces_sources,
+    white_text,
 )
 from planner.request.dimension import is_one_sided
 from planner.request.targets import targets_of, words_of
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
     from aspectgraph import Solid
+    from planner.camera.camera import Camera
     from planner.plan import InspectionPlan
     from planner.progress import Progress
     from planner.request.targets import PlannedDimension
@@ -209,16 +211,16 @@ def exposure_texts(plan: InspectionPlan, scene: RayScene | None, k: int) -> list
         exposure = image.expose_for or exposure_of(image, plan.light, plan, k, scene)
         if exposure is None:
             continue
-        text = f"under {lamps_named(image, plan.light)}, expose so that {_exposed_text(exposure)}"
+        text = f"under {lamps_named(image, plan.light)}, expose so that {_exposed_text(exposure, plan.camera)}"
         if exposure.times >= _UNEVEN:
             text += f"; {exposure.dimmest} gets {exposure.times:.1f} times less light"
         texts.append(text)
     return texts
 
 
-def _exposed_text(exposure: Exposure) -> str:
+def _exposed_text(exposure: Exposure, camera: Camera) -> str:
     """Say what must be how bright."""
-    white = f"{100 * WHITE_SHARE:.0f} % of white"
+    white = white_text(WHITE_SHARE, camera)
     if not exposure.radius_px:
         return (
             f"pixel {exposure.pixel} beside {exposure.target} has {white}: it is the brightest place "
@@ -226,7 +228,7 @@ def _exposed_text(exposure: Exposure) -> str:
         )
     return (
         f"the mean within {exposure.radius_px} px of pixel {exposure.pixel} has "
-        f"{100 * exposure.share:.2g} % of white: the brightest place beside the targets of a matt part, "
+        f"{white_text(exposure.share, camera)}: the brightest place beside the targets of a matt part, "
         f"at {exposure.target}, then has {white}"
     )
 

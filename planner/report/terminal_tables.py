@@ -17,6 +17,7 @@ from planner.progress import visible
 from planner.report.part_tables import vector_text
 from planner.report.tables import nearest_limits
 from planner.report.wording import (
+    brief_verdict,
     edges_text,
     evolved_sentence,
     features_cell,
@@ -33,6 +34,7 @@ from planner.report.wording import (
     simulation_sentence,
     unshown_texts,
     verdict,
+    white_text,
     window_text,
 )
 from planner.request.problem import why_missed
@@ -49,10 +51,11 @@ from planner.text_table import (
     print_text,
     words,
 )
-from planner.verify.simulate_setting import CONFIRMED
+from planner.verify.simulate_setting import CONFIDENCE, CONFIRMED, lower_bound
 
 if TYPE_CHECKING:
     from aspectgraph import GeometricTolerance, ModelDimension, ModelRequirements
+    from planner.camera.camera import Camera
     from planner.light.light_plan import Exposure
     from planner.request.targets import Target
     from planner.sensor_setting import SensorSetting
@@ -240,7 +243,7 @@ def print_plan(plan: InspectionPlan) -> None:
     print_table(*_measurements(plan))
     _print_lamps(plan)
     print()
-    print_text(words(verdict(plan), names))
+    print_text(words(brief_verdict(plan), names))
     _print_not_inspected(plan)
     for text in _notes(plan):
         print_text(words(text, names), indent="  ")
@@ -271,7 +274,7 @@ def _print_lamps(plan: InspectionPlan) -> None:
                     places[0] if len(places) == 1 else None,
                     len(image.contrast),
                     words(f"{name} {contrast:.2f}{silhouette}", [name]),
-                    _exposed(image.expose_for),
+                    _exposed(image.expose_for, plan.camera),
                 )
             )
     if rows:
@@ -279,13 +282,13 @@ def _print_lamps(plan: InspectionPlan) -> None:
         print_table(columns, rows)
 
 
-def _exposed(exposure: Exposure | None) -> str:
+def _exposed(exposure: Exposure | None, camera: Camera) -> str:
     """Say which place of an image must be how bright; nothing of plans that do not state it."""
     if exposure is None:
         return ""
     column, row = exposure.pixel
     place = f"the mean within {exposure.radius_px} px of pixel" if exposure.radius_px else "pixel"
-    return f"{place} ({column}, {row}) has {100 * exposure.share:.2g} % of white"
+    return f"{place} ({column}, {row}) has {white_text(exposure.share, camera)}"
 
 
 def _notes(plan: InspectionPlan) -> list[str]:
@@ -296,18 +299,12 @@ def _notes(plan: InspectionPlan) -> list[str]:
         unlit = {} if plan.light is None else plan.light.unlit[k]
         unshown = [f"not shown: {name}: {reason}" for name, reason in unlit.items()]
         texts += [f"setting {k + 1}: {text}" for text in [*unshown_texts(images, k), *unshown]]
-    if plan.light is not None and (
-        dark := sorted({name for reasons in plan.light.unlit for name in reasons})
-    ):
-        texts.insert(0, f"incomplete, since no lamp shows {', '.join(dark)}")
     if text := given_text(plan):
         texts.append(text)
     if text := near_lines_text(plan):
         texts.append(text)
     if text := edges_text(plan):
         texts.append(f"edges: {text}")
-    if text := evolved_sentence(plan):
-        texts.append(text)
     return texts
 
 
@@ -315,6 +312,13 @@ def print_explanation(plan: InspectionPlan) -> None:
     """Print what the probabilities of a plan mean; nothing of a plan without settings."""
     if plan.settings:
         print_text(promise_sentence(plan))
+
+
+def print_details(plan: InspectionPlan) -> None:
+    """Print what is proven, simulated and lit, and how poses were found; nothing of a plan without settings."""
+    if plan.settings:
+        sentences = [verdict(plan), evolved_sentence(plan)]
+        print_text(words(" ".join(filter(None, sentences)), list(plan.entities)))
 
 
 def _print_not_inspected(plan: InspectionPlan) -> None:
@@ -577,8 +581,19 @@ def print_prediction(predicted: PosesPrediction, source: str, frame: str) -> Non
         print_table(_MISSED, [(name, words(why)) for name, why in missed.items()])
     else:
         print_text(f"The poses inspect {count(len(names), 'target')}, all that are wanted.")
+    if rows:
+        print_text(_counted_over(predicted))
     if note := _doubts(predicted):
         print_text(note)
+
+
+def _counted_over(predicted: PosesPrediction) -> str:
+    """Return how P_all was counted, which limits how large it can be."""
+    n = max(target.p_all_poses for targets in predicted.predictions for target in targets.values())
+    return (
+        f"P_all: lower bound with {100 * CONFIDENCE:g} % confidence over {n} displaced poses, as in a plan; "
+        f"{probability_text(lower_bound(n, n))} if none of them fails."
+    )
 
 
 def _predicted_row(pose: str, name: str, target: PosePrediction) -> tuple[str, ...]:

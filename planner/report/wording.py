@@ -10,8 +10,11 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from errors.checks import percent_text
 from errors.measurands.measurand import COVERAGE
+from planner.camera.response import Response
 from planner.detectability.image_check import MOST_PX
 from planner.progress import duration
 from planner.request.camera_limits import LEAST_SIGMAS, corner_margin_px
@@ -197,7 +200,8 @@ def unstated_edges_text(plan: InspectionPlan) -> str:
     return (
         f"planned as sharp; a break of {TYPICAL_BREAK_MM:g} mm would move {target.name} by up to {shift:.2g} "
         f"{target.unit}, its U is {expanded:.2g} {target.unit}. 'measure' assumes breaks of up to {assumed.high_mm:g} "
-        f"mm where none is stated (edge_break_mm or --edges), and then its U is about {measured:.2g} {target.unit}"
+        f"mm where none is stated (edge_break_mm or --edges). Its U is then about {measured:.2g} {target.unit}, and "
+        "less where the image tells how the light falls"
     )
 
 
@@ -415,6 +419,23 @@ def light_sentence(plan: InspectionPlan) -> str:
     return f"{lamps} {shown} {contrast}, {switched}{f' ({proof})' if n else ''}.{images}"
 
 
+def white_text(share: float, camera: Camera) -> str:
+    """Return how bright a place of an image must be: a share of white, and its grey value of a known response.
+
+    Parameters
+    ----------
+    share : float
+        Share of the light of full exposure.
+    camera : Camera
+        Its response and its white level, if they are stated.
+    """
+    if camera.response is None or Response.of(camera.response).is_linear:
+        return f"{100 * share:.2g} % of white"
+    white = camera.white_level or 255
+    level = float(Response.of(camera.response).level(np.array(share)))
+    return f"grey value {white * level:.0f} of {white}"
+
+
 def lamps_named(image: LitImage, light: LightPlan) -> str:
     """Return which lamps are on in an image, such as "lamp 1", "lamps 1, 2" or "the backlight"."""
     if light.area is not None:
@@ -453,13 +474,9 @@ def lamp_texts(plan: InspectionPlan, k: int) -> list[str]:
 
 def verdict(plan: InspectionPlan) -> str:
     """Say in a few sentences how good a plan is."""
-    inspected = len(plan.inspected)
     n = len(plan.settings)
     items = words_of(plan.targets).items
-    sentences = [
-        f"{inspected} of {count(len(plan.entities), *items)} inspected from {count(n, 'setting')}."
-    ]
-    sentences.append(features_sentence(plan))
+    sentences = [f"{_inspected_text(plan)}.", _dark_sentence(plan), features_sentence(plan)]
     sentences.append(split_sentence(plan))
     if n:
         sentences.append(bound_sentence(plan, items))
@@ -483,6 +500,52 @@ def split_sentence(plan: InspectionPlan) -> str:
     verb = "is" if len(parts) == 1 else "are"
     which = count(len(parts), "dimension")
     return f"{which} {verb} measured by two settings, one entity in each: {', '.join(parts)}."
+
+
+def brief_verdict(plan: InspectionPlan) -> str:
+    """Say in two sentences how good a plan is, and in more what is not as it should be."""
+    n = len(plan.settings)
+    head = _inspected_text(plan)
+    if n and plan.request.poses is None:
+        bound = f"; at least {plan.lower_bound} {'is' if plan.lower_bound == 1 else 'are'} needed"
+        head += ", proven to be the fewest" if plan.minimal else bound
+        if not plan.complete:
+            head += " for these" if len(plan.inspected) > 1 else " for this one"
+    sentences = [f"{head}.", _dark_sentence(plan), features_sentence(plan)]
+    sentences.append(split_sentence(plan))
+    if n and plan.request.poses is not None:
+        sentences.append(bound_sentence(plan, words_of(plan.targets).items))
+    if n and plan.simulation is not None and _all_confirmed(plan.simulation):
+        poses = count(plan.simulation.n, "displaced pose")
+        sentences.append(f"A simulation of {poses} per setting confirms the plan.")
+    elif n:
+        sentences += simulated_sentences(plan)
+    if plan.unfinished:
+        sentences.append(unfinished_sentence(plan))
+    sentences.append(unlit_sentence(plan))
+    return " ".join(filter(None, sentences))
+
+
+def _inspected_text(plan: InspectionPlan) -> str:
+    """Return how many targets cameras inspect and lamps show, without a full stop."""
+    shown = len(plan.inspected) - len(plan.unlit)
+    items = words_of(plan.targets).items
+    settings = count(len(plan.settings), "setting")
+    return f"{shown} of {count(len(plan.entities), *items)} inspected from {settings}"
+
+
+def _dark_sentence(plan: InspectionPlan) -> str:
+    return f"No lamp shows {', '.join(plan.unlit)}." if plan.unlit else ""
+
+
+def _all_confirmed(result: SimulationResult) -> bool:
+    """Return whether every probability is confirmed, and every displaced image shows what it must."""
+    kinds = result.verdicts
+    every = kinds[CONFIRMED] == sum(kinds.values()) > 0
+    images = result.shown
+    return every and (
+        images is None or all(n == images.n for counts in images.counts for n in counts.values())
+    )
 
 
 def evolved_sentence(plan: InspectionPlan) -> str:

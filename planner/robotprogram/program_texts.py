@@ -393,6 +393,34 @@ def _number(value: float, decimals: int) -> str:
 _SLOW_PERCENT = 1
 
 
+_KRL_NAME = "inspection"
+# of programs of KRL
+_MOST_KRL_LETTERS = 24
+
+
+def check_program_file(path: Path, format: str, parameter: str) -> None:
+    """Raise an error if a program in KRL cannot have the name of its file, as controllers want it.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    format : str
+        As for `program_text`.
+    parameter : str
+        What the caller knows the file as.
+    """
+    name = path.stem
+    if format == "krl" and not re.fullmatch(
+        rf"[A-Za-z_]\w{{0,{_MOST_KRL_LETTERS - 1}}}", name, re.ASCII
+    ):
+        rule = (
+            f"must be named by up to {_MOST_KRL_LETTERS} letters, digits and _, not beginning with a digit: "
+            "a program in KRL has the name of its file"
+        )
+        raise RequestError.of_rule(parameter, rule, shown(path.name))
+
+
 def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
     """Return the program in KRL; joints in degrees, one speed for all moves.
 
@@ -407,7 +435,7 @@ def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
     """
     percent = max(1, math.floor(100 * program.speed + 1e-9))
     lines = [
-        "DEF inspection( )",
+        f"DEF {_KRL_NAME}( )",
         *(f"; {line}" for line in head_lines(program, made, euler_words)),
         "; Compare signs and zeros of the axes with the robot before you drive.",
         "; $VEL_AXIS is a share of this controller's speeds, so times differ from those above.",
@@ -1082,7 +1110,7 @@ def write_program(
     Raises
     ------
     RequestError
-        If neither format nor suffix is known.
+        If neither format nor suffix is known, or KRL does not allow the file's name.
     OutputError
         If it cannot be written.
 
@@ -1104,5 +1132,9 @@ def write_program(
     if format is None:
         rule = f"must end in {', '.join(_BY_SUFFIX)}, or format must be given"
         raise RequestError.of_rule("path", rule, shown(str(path)))
-    write_text(path, program_text(program, format, signals=signals))
+    check_program_file(path, format, "path")
+    text = program_text(program, format, signals=signals)
+    if format == "krl":
+        text = text.replace(f"DEF {_KRL_NAME}( )", f"DEF {path.stem}( )", 1)
+    write_text(path, text)
     return path

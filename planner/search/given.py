@@ -26,7 +26,7 @@ from planner.search.evolution import Centring
 from planner.search.incumbents import SearchRun, as_simulated, assembled
 from planner.search.plan_setting import setting_at, without
 from planner.search.realise_column import MEANING, keeps, without_corners
-from planner.search.stages import centre_all, lamp_places, shown_by_lamps, unlit
+from planner.search.stages import centre_all, lamp_places, shown_by_lamps
 from planner.sensor_setting import Reason, ReasonKind, SensorSetting
 
 # so long the integer program may take; a plan depends on the clock only beyond
@@ -146,7 +146,7 @@ def plan_of_given(run: SearchRun, lighting: Lighting | None = None) -> Inspectio
         return plan
     lighting = lighting.on_part(run.problem.space.solid, plan.camera)
     lit = _lit(run, lighting, plan)
-    if not unlit(lit) or lighting.together:
+    if not lit.unlit or lighting.together:
         return lit
     places = lamp_places(lighting, lit)
     shown = shown_by_lamps(run, lighting, lit, columns.settings, places)
@@ -155,7 +155,7 @@ def plan_of_given(run: SearchRun, lighting: Lighting | None = None) -> Inspectio
     seen[:, ~(seen & columns.membership).any(axis=0)] = True
     others, proven = columns.cover(seen)
     other = _lit(run, lighting, _assembled(run, columns, others, proven))
-    return other if len(unlit(other)) < len(unlit(lit)) else lit
+    return other if len(other.unlit) < len(lit.unlit) else lit
 
 
 def _lit(run: SearchRun, lighting: Lighting, plan: InspectionPlan) -> InspectionPlan:

@@ -48,6 +48,8 @@ _SURE_POSES = 40_000
 JOINT_POSES = 1000
 # the same where the first ones do not decide, and at most for what a plan states
 JOINT_SURE_POSES = 20_000
+# displaced poses times measurements, at most, for all that a plan or a prediction states
+_STATED_POSES = 400_000
 
 # a shortfall is more than nothing
 _LEAST = 1e-9
@@ -294,6 +296,17 @@ def joint_counts(
     checks = DisplacedChecks(judge.problem.at_pose(cam2world, names), names)
     n = poses_needed(judge.threshold, max(at_least, JOINT_POSES))
     return checks.count(cam2world, n, seed, successes_needed(needed, n))
+
+
+def poses_stated(measurements: int) -> int:
+    """Return over how many displaced poses each stated P_all is counted; fewer for thousands of measurements.
+
+    Parameters
+    ----------
+    measurements : int
+        How many are stated together.
+    """
+    return min(JOINT_SURE_POSES, max(_STATED_POSES // max(measurements, 1), JOINT_POSES))
 
 
 def joint_bounds(

@@ -60,11 +60,11 @@ from planner.search.plan_setting import setting_at, without
 from planner.search.realise_column import (
     ALL_TRIALS,
     JOINT_POSES,
-    JOINT_SURE_POSES,
     Supported,
     centre_setting,
     joint_bounds,
     keeps,
+    poses_stated,
     with_p_all,
     without_contradicted,
     without_corners,
@@ -82,8 +82,6 @@ if TYPE_CHECKING:
 # That pose is moved off its limits, and what it promises is counted.
 
 
-# for what a plan states: displaced poses times targets, in all of its settings together
-_JOINT_ALL_POSES = 400_000
 # for a target that lacks the required P_all in the final settings: poses of other columns that
 # are simulated for it
 _RETRIED = 8
@@ -449,8 +447,7 @@ def centre_all(
     poses = JOINT_POSES
     early = until is not None
     if not early:
-        each = _JOINT_ALL_POSES // max(sum(len(setting_of.entities) for setting_of in settings), 1)
-        poses = min(JOINT_SURE_POSES, max(each, poses))
+        poses = poses_stated(sum(len(setting_of.entities) for setting_of in settings))
     tasks = [
         (
             run.shared,
@@ -835,7 +832,7 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
     assert lit.light is not None
     if lit.light.complete or lighting.together:
         return lit
-    dark = unlit(lit)
+    dark = lit.unlit
     places = lamp_places(lighting, lit)
     others = _shown_from_elsewhere(run, lighting, lit, dark, places) if dark else []
     settings = _chosen_among(run, lit, others)
@@ -859,19 +856,7 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
             run.problem.reads,
         ),
     )
-    return better if set(unlit(better)) <= set(dark) else lit
-
-
-def unlit(plan: InspectionPlan) -> list[str]:
-    """Return the names of the targets that no lamp lights in any setting, in the order of the plan."""
-    assert plan.light is not None
-    lit = {
-        n
-        for setting, dark in zip(plan.settings, plan.light.unlit, strict=True)
-        for n in setting.entities
-        if n not in dark
-    }
-    return [name for name in plan.entities if name in plan.inspected and name not in lit]
+    return better if set(better.unlit) <= set(dark) else lit
 
 
 def lamp_places(lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
@@ -1033,7 +1018,7 @@ def _chosen_among(
 ) -> list[SensorSetting]:
     """Return the fewest settings, of a plan and others, that show what any of them shows; the rest stays measured."""
     assert plan.light is not None
-    dark = unlit(plan)
+    dark = plan.unlit
     shown = {name for setting in others for name in setting.entities} | {
         n for n in plan.inspected if n not in dark
     }
@@ -1144,13 +1129,13 @@ def _light(state: PlanState, tools: Tools) -> None:
     if tools.lighting is None or state.plan is None:
         return
     plan = with_lamps(tools.run, tools.lighting, state.plan)
-    if unlit(plan):
+    if plan.unlit:
         assert state.inspected is not None
         # where a pose was moved to, no lamp may light what one lights from where it was
         unmoved = settle(tools.run, state.inspected, moves=False)
         draft = assembled(tools.run, unmoved.settings, state.bound, state.proof)
         other = with_lamps(tools.run, tools.lighting, draft)
-        if set(other.inspected) == set(plan.inspected) and len(unlit(other)) < len(unlit(plan)):
+        if set(other.inspected) == set(plan.inspected) and len(other.unlit) < len(plan.unlit):
             plan = other
     state.plan = plan
 

@@ -230,6 +230,15 @@ def test_stops_of_a_robot_program_are_the_poses_of_its_plan(tmp_path, plan, prog
         read_poses(path)
 
 
+def test_a_program_in_krl_has_the_name_of_its_file(tmp_path, program):
+    path = write_program(program[1], tmp_path / "side_2.src")
+    assert path.read_text().splitlines()[0] == "DEF side_2( )"
+    for name in ("2_sides.src", "left-side.src", "a" * 25 + ".src", "ä.src"):
+        with pytest.raises(RequestError, match="path must be named by up to 24 letters"):
+            write_program(program[1], tmp_path / name)
+        assert not (tmp_path / name).exists()
+
+
 def test_a_program_that_takes_no_known_images_is_refused(tmp_path, program):
     path = tmp_path / "theirs.script"
     path.write_text("def weld():\n  movel(p[0.1, 0.2, 0.3, 0, 3.1, 0], a=1)\nend\n")

@@ -2,14 +2,16 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from robot_cells import ROBOTS
 
-from planner import Cell
+from planner import Cell, LightPlan, read_plan
 from planner.app.main import main
+from planner.app.robot_commands import print_lamp_note
 
 ROOT = Path(__file__).parents[3]
 PLAN = ROOT / "examples/two_pocket_block_plan.json"
@@ -34,6 +36,24 @@ def test_a_program_is_written_and_its_rounds_are_printed(capsys):
     assert "smallest P" in out
     assert out.splitlines()[-1] == "inspection.src"
     assert "$VEL_AXIS[i]=25" in Path("inspection.src").read_text("utf-8")
+
+
+def test_lamps_are_said_to_be_no_obstacles_where_they_stand_somewhere(capsys):
+    plan = read_plan(PLAN)
+    print_lamp_note(plan)
+    assert capsys.readouterr().out == ""
+    dark = ({},) * len(plan.settings)
+    places = np.array([[100.0, 20.0, 300.0]])
+    images = ((),) * len(plan.settings)
+    placed = LightPlan("placed", 0.1, 0.1, "dark", places, images, dark, 1, "by hand")
+    print_lamp_note(replace(plan, light=placed))
+    printed = " ".join(capsys.readouterr().out.split())
+    assert (
+        "no obstacles of the cell: lamp 1 at (100, 20, 300) mm in the frame of the part" in printed
+    )
+    # this one moves with the camera
+    print_lamp_note(replace(plan, light=replace(placed, kind="ring")))
+    assert capsys.readouterr().out == ""
 
 
 @pytest.mark.usefixtures("own_folder")

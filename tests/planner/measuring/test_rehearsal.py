@@ -1,6 +1,7 @@
 """Rendered images of a plan: what they show is what they say, and `measure` reads it."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -45,6 +46,33 @@ def test_what_is_measured_is_what_is_shown(plate, plan, seed):
     assert all(abs(truth[name] - plan.targets[name].nominal) > 1e-4 for name in TARGETS)
     results = measure(plan, plate, grey_of(rehearsal))
     for result in results:
+        assert result.measured, result.reason
+        assert abs(result.value - truth[result.name]) <= 3 * result.standard_uncertainty
+
+
+@pytest.mark.parametrize(("response", "white_level"), [("srgb", None), (2.2, 4095)])
+def test_images_have_the_response_and_the_white_of_the_camera(plate, plan, response, white_level):
+    camera = replace(plan.camera, response=response, white_level=white_level)
+    stated = replace(plan, request=replace(plan.request, camera=camera))
+    rehearsal = Rehearsal(stated, plate, seed=1)
+    images = grey_of(rehearsal)
+    white = white_level or 255
+    assert all(
+        image.dtype == (np.uint8 if white == 255 else np.uint16) for image in images.values()
+    )
+    assert max(image.max() for image in images.values()) <= white
+    assert (rehearsal.truth.response, rehearsal.truth.white_level) == (str(response), white)
+    # the same light, by the formulas of IEC 61966-2-1 and of a power; noise is one of both images
+    of_light = grey_of(Rehearsal(plan, plate, seed=1))
+    for number, image in images.items():
+        linear = of_light[number] / 255
+        expected = linear ** (1 / 2.2)
+        if response == "srgb":
+            expected = 1.055 * linear ** (1 / 2.4) - 0.055
+        bright = (linear > 0.2) & (linear < 0.95)
+        assert np.median((image / white - expected)[bright]) == pytest.approx(0.0, abs=2e-3)
+    truth = rehearsal.truth.values["setting_01"]
+    for result in measure(stated, plate, images):
         assert result.measured, result.reason
         assert abs(result.value - truth[result.name]) <= 3 * result.standard_uncertainty
 

@@ -18,6 +18,7 @@ from planner.report.page import report_html
 from planner.report.terminal_tables import print_graph, print_plan, print_simulation
 from planner.report.wording import (
     bound_sentence,
+    brief_verdict,
     calibration_rows,
     graph_sentence,
     incumbent_line,
@@ -232,7 +233,8 @@ def test_report_and_terminal_say_the_same(capsys, names, left, kind):
     )
     print_plan(made)
     printed = " ".join(capsys.readouterr().out.split())
-    assert verdict(made) in printed
+    assert brief_verdict(made) in printed
+    assert ("proven to be the fewest" in printed) == made.minimal
     assert "<p>A note.</p>" in page
     assert ("proven minimum" in page) == bool(names)
     if names and kind:
@@ -336,6 +338,25 @@ def test_settings_that_take_several_images_are_counted_and_their_images():
     assert "image" not in light_sentence(replace(asked, light=none))
 
 
+def test_what_no_lamp_shows_is_not_counted_as_inspected():
+    """Shown in one of two settings is shown; the other target is in the dark in its only setting."""
+    image = (LitImage((0,), {"top front": 0.3}),)
+    dark = ({"top right": "in the shadow", "top front": "in the shadow"}, {})
+    light = LightPlan("placed", 0.1, 0.1, "dark", np.zeros((1, 3)), ((), image), dark, 1, "by hand")
+    settings = (
+        setting((0.0, 0.0, 300.0), ["top front", "top right"]),
+        setting((0.0, 20.0, 300.0), ["top front"]),
+    )
+    made = plan(settings=settings, light=light)
+    assert made.unlit == ("top right",)
+    n = len(made.entities)
+    for text in (brief_verdict(made), verdict(made)):
+        assert text.startswith(f"1 of {n} entities inspected from 2 settings")
+        assert "No lamp shows top right." in text
+    assert f"1 of {n} entities inspected" in repr(made)
+    assert replace(made, light=replace(light, unlit=({}, {}))).unlit == ()
+
+
 def test_edges_planned_as_sharp_are_told_with_the_u_that_measuring_will_state():
     """A diameter whose step is off by up to 2 c, for c up to 0.05 mm: mean 0.025 mm, mean square 4 c²/9."""
     example = read_plan("examples/measured/plan.json")
@@ -343,6 +364,6 @@ def test_edges_planned_as_sharp_are_told_with_the_u_that_measuring_will_state():
     sharp = 0.10819982  # U of bore_35_back in plan.json
     assert "would move bore_35_back by up to 0.2 mm, its U is 0.11 mm" in text
     broken = 2.0 * math.sqrt(4.0 * 0.05**2 / 9.0)
-    assert f"its U is about {math.hypot(sharp, broken):.2g} mm" in text
+    assert f"Its U is then about {math.hypot(sharp, broken):.2g} mm" in text
     stated = replace(example, request=replace(example.request, edge_break_mm=(0.0, 0.1)))
     assert unstated_edges_text(stated) == ""

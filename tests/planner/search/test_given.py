@@ -199,6 +199,17 @@ def test_a_registered_prediction_is_that_of_the_plan(block, registration):
         assert ours.probability == pytest.approx(row["probability"], abs=1e-9)
         assert ours.standard_uncertainty == pytest.approx(row["standard_uncertainty"], rel=1e-9)
         assert row["standard_uncertainty"] > 0
+        assert_within_chance(ours, row)
+
+
+def assert_within_chance(ours, row):
+    """Both bounds are of as many draws: they differ by five standard errors at most."""
+    n = ours.p_all_poses
+    assert n == 20_000
+    error = np.sqrt(2 * row["p_all"] * (1 - row["p_all"]) / n)
+    assert ours.p_all == pytest.approx(row["p_all"], abs=5 * error)
+    # Clopper and Pearson for n of n: p ** n = 0.001
+    assert ours.p_all <= 0.001 ** (1 / n) + 1e-12
 
 
 # On the command line.
