@@ -7,7 +7,7 @@ measures each of its ends. So the whole is a further witness of each end.
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -151,7 +151,7 @@ def _searched_end(target: Target, entity: int, *, also_whole: bool, any_way: boo
     if not also_whole:
         return end
     assert isinstance(target, PlannedDimension)
-    values = {name: getattr(target, name) for name in target.__dataclass_fields__}
+    values = {item.name: getattr(target, item.name) for item in fields(PlannedDimension)}
     return SearchedEnd(
         **{
             **values,

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors.measurands import SplitModel
+from planner.bound.lower_bound import exclusion_proof, exclusive_entities
 from planner.cover import few_columns
 from planner.executors import in_order
 from planner.plan import InspectionPlan
@@ -237,14 +238,32 @@ class _SplitSearch:
             lost |= {name: _too_low(value, self._run) for name, value in short.items()}
         names = {name for setting in renamed for name in setting.entities}
         reasons = {**self._plan.uninspectable, **lost}
+        bound, proof = self._bound([name for name in self._run.names if name in names], bound)
         return replace(
             self._plan,
             settings=renamed,
-            lower_bound=bound,
+            lower_bound=min(bound, len(renamed)),
+            bound_proof=proof,
             uninspectable={n: reason for n, reason in reasons.items() if n not in names},
             split=values,
             light=None,
         )
+
+    def _bound(self, names: Sequence[str], bound: int) -> tuple[int, str]:
+        """Return a bound for what settings inspect, and what it rests on: that of the plan, or ends that exclude others."""
+        problem = self._run.problem.restricted_to(names)
+        apart = split_problem(problem, split_names(problem), any_way=True)
+        columns = []
+        for owner, entity in zip(apart.owner.tolist(), apart.entity.tolist(), strict=True):
+            whole = names[owner]
+            end = end_name(whole, entity)
+            columns.append(self._child.names.index(end if end in self._child.names else whole))
+        membership = self._child.pool.membership[:, columns]
+        every = np.arange(len(columns))
+        exclusive = exclusive_entities(apart.problem, every, membership, self._run.executor)
+        if len(exclusive) <= bound:
+            return bound, self._plan.bound_proof
+        return len(exclusive), exclusion_proof(apart.problem, len(exclusive))
 
     def _is_enough(self, value: SplitValue) -> bool:
         return value.p_all >= min(self._run.problem.probability, MOST_REQUIRED)
