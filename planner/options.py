@@ -136,14 +136,14 @@ class InspectionOptions(RunOptions):
         The program predicts it from what each pose shows of the part. A `PoseUncertainty` is that
         of poses that something else measures. Where the camera may be while it takes the images,
         remains ``pose_uncertainty``. Default: values are read with the planned poses.
-    split : {"auto", "never"}
-        Whether different settings may measure the two entities of a distance. With "auto", they do
-        where that inspects more or saves a setting. With "never", one image shows all entities of a
-        target. `measure` reads such values from all images together.
     edge_break_mm : (float, float), optional
         By how much the part's edges are broken along their faces, least and most, mm, such as
         (0.1, 0.3). A `Dimension` may state its own. The camera sees a broken edge next to the edge
         of the model, and P and U of dimensions contain this. Default: edges are planned as sharp.
+    split : {"auto", "never"}
+        Whether different settings may measure the two entities of a distance. With "auto", they do
+        where that inspects more or saves a setting. With "never", one image shows all entities of a
+        target. `measure` reads such values from all images together.
     poses : sequence of GivenPose, or array_like (n, 4, 4), optional
         Poses that exist, such as those of `read_poses`. The plan chooses the fewest of them, and its
         bound is that of these poses. Nothing is searched or moved. Default: poses are searched.

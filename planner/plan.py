@@ -287,12 +287,9 @@ class InspectionPlan(PlanTables):
             if name not in dark
         }
         # of what two settings measure, both entities must show
-        dark = {
-            name
-            for setting, unlit in zip(self.settings, self.light.unlit, strict=False)
-            for name in setting.ends
-            if name in unlit
-        }
+        dark: set[str] = set()
+        for setting, unlit in zip(self.settings, self.light.unlit, strict=False):
+            dark.update(set(setting.ends).intersection(unlit))
         return tuple(name for name in self.inspected if name not in lit or name in dark)
 
     def simulate(
@@ -365,10 +362,9 @@ class InspectionPlan(PlanTables):
         from planner.verify.setting_record import setting_dict
 
         kinds = kinds_record(self.uninspectable)
-        split = {
-            name: {**asdict(value), "probability": below_one(value.probability)}
-            for name, value in self.split.items()
-        }
+        split = {}
+        for name, value in self.split.items():
+            split[name] = {**asdict(value), "probability": below_one(value.probability)}
         return {
             "format": FORMAT,
             "version": VERSION,

@@ -359,19 +359,19 @@ def _check_split(data: Mapping[str, Any], targets: Mapping[str, Any]) -> None:
     required = data["request"]["probability"]
     for k, setting in enumerate(data["settings"]):
         for name, entity in setting.get("ends", {}).items():
-            where = field_name("settings", k, "ends", name)
+            path = field_name("settings", k, "ends", name)
             if name not in setting["entities"]:
-                _refuse(where, "must be of an item of the setting", name)
+                _refuse(path, "must be of an item of the setting", name)
             if len(targets[name]["witnesses"][0]["entities"]) != 2:
-                _refuse(where, "must be of a dimension of two entities", name)
+                _refuse(path, "must be of a dimension of two entities", name)
             entities.setdefault(name, []).append(entity)
     for name in (*split, *entities):
-        where = field_name("split", name)
+        path = field_name("split", name)
         if name not in split:
-            raise PlanFileError(f"{where} must be given. Got none.")
+            raise PlanFileError(f"{path} must be given. Got none.")
         if sorted(entities.get(name, [])) != [0, 1]:
             rule = "must have each of its two entities in one setting, as ends of settings say"
-            _refuse(where, rule, entities.get(name, []))
+            _refuse(path, rule, entities.get(name, []))
         value = split[name]["p_all"]
         if value < min(required, _SHOWN_BY_COUNTING) - _SAME:
             rule = f"must be at least the required probability, {required:g}"
@@ -383,11 +383,11 @@ def _check_split_rates(simulation: Mapping[str, Any], split: Mapping[str, Any]) 
     rates = simulation.get("split", {})
     _check_keys(rates, list(split), "simulation", "split")
     for name, rate in rates.items():
-        where = ("simulation", "split", name)
-        _check_rate(rate, simulation, *where)
+        path = ("simulation", "split", name)
+        _check_rate(rate, simulation, *path)
         if abs(rate["predicted"] - split[name]["probability"]) > _SAME:
             rule = f"must be the probability in split, {split[name]['probability']:g}"
-            _refuse(field_name(*where, "predicted"), rule, rate["predicted"])
+            _refuse(field_name(*path, "predicted"), rule, rate["predicted"])
 
 
 def _check_bound(data: Mapping[str, Any]) -> None:

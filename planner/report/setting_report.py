@@ -389,6 +389,7 @@ def _split_row(plan: InspectionPlan, row: Row) -> list[Any]:
     setting = plan.settings[row.setting - 1]
     dimension: Any = targets_of(plan.targets, replace(setting, ends={}))[row.name]
     expanded = 2 * row.standard_uncertainty
+    first, second = sorted(plan.ends[row.name].values())
     promise = [CellLine(probability_text(row.promise, plan.probability))]
     promise.append(
         CellLine(unbroken(f"P {probability_text(row.probability, plan.probability)}"), "note")
@@ -402,7 +403,7 @@ def _split_row(plan: InspectionPlan, row: Row) -> list[Any]:
         unbroken(f"{expanded:.3g} {dimension.unit}"),
         _ratio(dimension, expanded),
         [CellLine(unbroken(f"±{dimension.permitted_error:.4g} {dimension.unit}"))],
-        sorted(k + 1 for k in plan.ends[row.name].values()),
+        [first + 1, second + 1],
         promise,
         f"{row.standard_uncertainty:.3g}",
         [],

@@ -458,7 +458,7 @@ def _by(plan: InspectionPlan, row: Row) -> list[CellLine]:
     """Say by which entities a target is measured, where others could, too, or by one of two."""
     target = plan.targets[row.name]
     if row.name in plan.split:
-        (other,) = [k + 1 for k in plan.ends[row.name].values() if k + 1 != row.setting]
+        other = sum(plan.ends[row.name].values()) + 2 - row.setting
         return [CellLine(f"by {row.entities[0]} alone, the rest in setting {other}", "note")]
     if len(target.ways) == 1:
         return []

@@ -364,8 +364,8 @@ def _measurements(plan: InspectionPlan) -> tuple[list[Column], list[tuple[Any, .
 
 def both_settings(plan: InspectionPlan, name: str) -> str:
     """Return the numbers of the settings that measure the entities of a dimension."""
-    ends = plan.ends[name]
-    return " + ".join(str(ends[k] + 1) for k in sorted(ends))
+    first, second = sorted(plan.ends[name].values())
+    return f"{first + 1} + {second + 1}"
 
 
 def tightest_margin(plan: InspectionPlan, setting: SensorSetting) -> str:
@@ -405,12 +405,12 @@ def print_simulation(
     )
     names = list(plan.entities)
     rows = []
-    named_rates = [
-        (name, str(k + 1), rate)
-        for k, rates in enumerate(result.rates)
-        for name, rate in rates.items()
-    ]
-    named_rates += [(name, both_settings(plan, name), r) for name, r in result.split.items()]
+    named_rates = []
+    for k, rates in enumerate(result.rates):
+        for name, rate in rates.items():
+            named_rates.append((name, str(k + 1), rate))
+    for name, rate in result.split.items():
+        named_rates.append((name, both_settings(plan, name), rate))
     for name, place, rate in named_rates:
         interval = interval_text(rate.low, rate.high, " .. ")
         predicted = probability_text(rate.predicted, plan.probability)

@@ -493,10 +493,10 @@ def split_sentence(plan: InspectionPlan) -> str:
     """Say which dimensions two settings measure together; nothing of a plan without such."""
     if not plan.split:
         return ""
-    parts = [
-        f"{name} by settings {' and '.join(str(ends[k] + 1) for k in sorted(ends))}"
-        for name, ends in plan.ends.items()
-    ]
+    parts = []
+    for name, ends in plan.ends.items():
+        first, second = sorted(ends.values())
+        parts.append(f"{name} by settings {first + 1} and {second + 1}")
     verb = "is" if len(parts) == 1 else "are"
     which = count(len(parts), "dimension")
     return f"{which} {verb} measured by two settings, one entity in each: {', '.join(parts)}."

@@ -7,6 +7,7 @@ targets, or as many in fewer settings. A target that is measured as a whole stay
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -37,7 +38,7 @@ from planner.search.columns import WarmStart, derive_seed, judged_poses, price_p
 from planner.search.incumbents import SearchRun, assembled
 from planner.search.plan_setting import without
 from planner.search.stages import settle
-from planner.sensor_setting import Reason, ReasonKind, SensorSetting, SplitValue, kind_of
+from planner.sensor_setting import Reason, ReasonKind, SensorSetting, SplitValue
 from planner.verify.simulate_setting import MOST_REQUIRED, lower_bound, poses_needed
 from planner.verify.simulate_split import SplitCameras, checks_of, split_successes
 
@@ -76,29 +77,25 @@ def with_split(run: SearchRun, plan: InspectionPlan) -> InspectionPlan:
 
 
 def _other_plan(run: SearchRun, plan: InspectionPlan) -> InspectionPlan | None:
-    names = split_names(run.problem)
-    missing = [
-        name
-        for name in names
-        if name in plan.uninspectable
-        and kind_of(plan.uninspectable[name]) is not ReasonKind.NOT_FOUND_YET
-    ]
-    inspected = [name for name in run.names if name in plan.inspected]
-    present = [name for name in names if name in plan.inspected]
-    if len(plan.settings) <= plan.lower_bound:
-        present = []
+    missing = []
+    present = []
+    for name in split_names(run.problem):
+        if name in plan.uninspectable:
+            missing.append(name)
+        elif len(plan.settings) > plan.lower_bound:
+            present.append(name)
     if not missing and not present:
         return None
-    poses = np.concatenate([pool.poses for pool in run.pools])
-    settings = np.array([setting.cam2world for setting in plan.settings]).reshape(-1, 4, 4)
-    poses = np.concatenate([settings, poses])
-    ends = _EndPoses(run, poses)
+    parts = [run.pools.realised.poses, run.pools.near.poses]
+    for setting in plan.settings:
+        parts.append(setting.cam2world[None])
+    ends = _EndPoses(run, np.concatenate(parts))
     missing = ends.seen(missing, search=True)
     present = ends.seen(present, search=False)
     if not missing and not present:
         return None
-    wanted = [name for name in run.names if name in inspected or name in missing]
-    split = split_problem(run.problem.restricted_to(wanted), {*missing, *present}, present)
+    targets = [name for name in run.names if name in plan.inspected or name in missing]
+    split = split_problem(run.problem.restricted_to(targets), {*missing, *present}, present)
     return _SplitSearch(run, plan, split).plan(ends.poses)
 
 
@@ -127,24 +124,22 @@ class _EndPoses:
         judged = child.judge(self.poses)
         seen = judged.inspects.any(axis=0)
         if search:
-            tasks = [
-                (child.shared, name, run.effort.viewpoints, run.seed)
-                for name, is_seen in zip(child.names, seen, strict=True)
-                if not is_seen
-            ]
+            tasks = []
+            for column in np.flatnonzero(~seen):
+                tasks.append((child.shared, child.names[column], run.effort.viewpoints, run.seed))
             for poses, drawn in in_order(run.executor, judged_poses, tasks, run.callbacks.check):
                 useful = drawn.inspects.any(axis=1)
                 seen |= drawn.inspects.any(axis=0)
                 self.poses = np.concatenate([self.poses, poses[useful]])
             self._realise(child, seen)
-        both = [seen[alone.owner == column].all() for column in range(len(names))]
-        return [name for name, is_seen in zip(names, both, strict=True) if is_seen]
+        return [name for k, name in enumerate(names) if seen[alone.owner == k].all()]
 
     def _realise(self, child: SearchRun, seen: NDArray[np.bool_]) -> None:
         """Give ends that no pose inspects a run of the genetic algorithm each, as long as the other end has a pose."""
         for column in range(0, len(seen), 2):
-            hidden = [k for k in (column, column + 1) if not seen[k]]
-            for k in hidden:
+            for k in (column, column + 1):
+                if seen[k]:
+                    continue
                 (outcome,) = child.realise([(child.names[k],)])
                 if outcome.setting is None:
                     break
@@ -224,33 +219,38 @@ class _SplitSearch:
         """Return the plan of settings of the request with ends."""
         lost: dict[str, Reason] = {}
         while True:
-            kept = self._without_needless(settings, lost)
-            if not kept:
+            needed = self._without_needless(settings, lost)
+            if not needed:
                 return None
             # so many settings do what the plan does, and what it proves holds for more targets
-            bound = min(self._plan.lower_bound, len(kept))
-            draft = assembled(self._child, kept, bound, self._plan.bound_proof)
-            renamed = tuple(self._as_targets(setting) for setting in draft.settings)
+            bound = min(self._plan.lower_bound, len(needed))
+            draft = assembled(self._child, needed, bound, self._plan.bound_proof)
+            renamed = tuple(map(self._as_targets, draft.settings))
             values = self._values(renamed)
-            short = {name: value for name, value in values.items() if not self._is_enough(value)}
-            if not short:
+            n_lost = len(lost)
+            for name, value in values.items():
+                if not self._is_enough(value):
+                    lost[name] = _too_low(value, self._run)
+            if len(lost) == n_lost:
                 break
-            lost |= {name: _too_low(value, self._run) for name, value in short.items()}
-        names = {name for setting in renamed for name in setting.entities}
         reasons = {**self._plan.uninspectable, **lost}
-        bound, proof = self._bound([name for name in self._run.names if name in names], bound)
+        for setting in renamed:
+            for name in setting.entities:
+                reasons.pop(name, None)
+        inspected = [name for name in self._run.names if name not in reasons]
+        bound, proof = self._bound(inspected, bound)
         return replace(
             self._plan,
             settings=renamed,
             lower_bound=min(bound, len(renamed)),
             bound_proof=proof,
-            uninspectable={n: reason for n, reason in reasons.items() if n not in names},
+            uninspectable=reasons,
             split=values,
             light=None,
         )
 
     def _bound(self, names: Sequence[str], bound: int) -> tuple[int, str]:
-        """Return a bound for what settings inspect, and what it rests on: that of the plan, or ends that exclude others."""
+        """Return a bound for what settings inspect, and what it rests on: that of the plan, or ends that exclude."""
         problem = self._run.problem.restricted_to(names)
         apart = split_problem(problem, split_names(problem), any_way=True)
         columns = []
@@ -286,54 +286,52 @@ class _SplitSearch:
                 target, _ = target_and_end(name)
                 entities = places.setdefault(target, {})
                 entities.setdefault(self._entity_of(setting, name), []).append(k)
-        kept: list[set[str]] = [set() for _ in settings]
+        needed: dict[int, list[str]] = {}
         for target, entities in places.items():
             if target in lost:
                 continue
+            for k in entities.get(WHOLE, []):
+                needed.setdefault(k, []).append(self._whole_name(settings[k], target))
             if WHOLE in entities:
-                for k in entities[WHOLE]:
-                    names = [
-                        name
-                        for name in settings[k].entities
-                        if target_and_end(name)[0] == target
-                        and self._entity_of(settings[k], name) == WHOLE
-                    ]
-                    kept[k].add(names[0])
                 continue
-            pairs = [(i, j) for i in entities.get(0, []) for j in entities.get(1, []) if i != j]
-            if not pairs:
-                continue
-            first, second = max(
-                pairs,
-                key=lambda pair: min(
-                    settings[k].promise[end_name(target, entity)] for entity, k in enumerate(pair)
-                ),
-            )
-            kept[first].add(end_name(target, 0))
-            kept[second].add(end_name(target, 1))
+            pair = _surest_pair(settings, target, entities)
+            for entity, k in enumerate(pair):
+                needed.setdefault(k, []).append(end_name(target, entity))
         fewer = []
-        for setting, names in zip(settings, kept, strict=True):
-            dropped = [name for name in setting.entities if name not in names]
-            fewer.append(without(self._split.problem, setting, dropped) if dropped else setting)
-        return [setting for setting in fewer if setting.entities]
+        for k in sorted(needed):
+            dropped = sorted(set(settings[k].entities) - set(needed[k]))
+            fewer.append(
+                without(self._split.problem, settings[k], dropped) if dropped else settings[k]
+            )
+        return fewer
+
+    def _whole_name(self, setting: SensorSetting, target: str) -> str:
+        """Return the name under which a setting measures all of a target."""
+        if target in setting.entities:
+            return target
+        first = end_name(target, 0)
+        if first in setting.entities and self._entity_of(setting, first) == WHOLE:
+            return first
+        return end_name(target, 1)
 
     def _as_targets(self, setting: SensorSetting) -> SensorSetting:
         """Return a setting under the names of targets, which says of which it measures one entity."""
         names = {name: target_and_end(name)[0] for name in setting.entities}
-        entity = {name: self._entity_of(setting, name) for name in names}
-        several = {t.name for t in self._run.problem.targets if len(t.witnesses) > 1}
-        witness = {}
-        passed_over = {}
+        ends: dict[str, int] = {}
+        witness: dict[str, int] = {}
+        passed_over: dict[str, dict[str, str]] = {}
         for name, target in names.items():
-            if target not in several:
-                continue
-            witness[target] = setting.witness.get(name, 0) if entity[name] == WHOLE else 0
-            ways = {", ".join(way) for way in self._run.problem.find_target(target).ways}
-            over = {
-                way: why for way, why in setting.passed_over.get(name, {}).items() if way in ways
-            }
-            if entity[name] == WHOLE and over:
-                passed_over[target] = over
+            entity = self._entity_of(setting, name)
+            if entity != WHOLE:
+                ends[target] = entity
+            ways = self._run.problem.find_target(target).ways
+            if len(ways) > 1:
+                witness[target] = setting.witness.get(name, 0) if entity == WHOLE else 0
+            over = setting.passed_over.get(name, {})
+            for way in ways if entity == WHOLE else ():
+                text = ", ".join(way)
+                if text in over:
+                    passed_over.setdefault(target, {})[text] = over[text]
         registered = setting.registered
         if registered is not None:
             registered = replace(
@@ -348,7 +346,7 @@ class _SplitSearch:
             p_all=_renamed(setting.p_all, names),
             lines_in_window_px=_renamed(setting.lines_in_window_px, names),
             witness=witness,
-            ends={names[name]: k for name, k in entity.items() if k != WHOLE},
+            ends=ends,
             passed_over=passed_over,
             registered=registered,
         )
@@ -359,7 +357,10 @@ class _SplitSearch:
         for setting in settings:
             for name, entity in setting.ends.items():
                 ends.setdefault(name, {})[entity] = setting
-        return {name: self._value(name, of[0], of[1]) for name, of in sorted(ends.items())}
+        values = {}
+        for name in sorted(ends):
+            values[name] = self._value(name, ends[name][0], ends[name][1])
+        return values
 
     def _value(self, name: str, *settings: SensorSetting) -> SplitValue:
         run = self._run
@@ -368,29 +369,47 @@ class _SplitSearch:
             target = target.choosing(settings[0].witness[name])
         assert isinstance(target, PlannedDimension)
         means = replace(run.request.means, localisation=target.localisation)
-        models = [target.description(means_at(means, setting, name)) for setting in settings]
-        poses = np.array([np.linalg.inv(setting.cam2world) for setting in settings])
+        models = []
+        poses = []
+        knowledge = []
+        checks = []
+        for k, setting in enumerate(settings):
+            pose = setting.cam2world
+            models.append(target.description(means_at(means, setting, name)))
+            poses.append(pose)
+            knowledge.append(setting.registered)
+            checks.append(checks_of(self._split.problem, pose, end_name(name, k)))
         model = SplitModel(*models)
-        cameras = SplitCameras(
-            target,
-            [setting.cam2world for setting in settings],
-            [setting.registered for setting in settings],
-            run.problem.camera,
-            run.problem.pose_uncertainty,
-        )
-        checks = [
-            checks_of(self._split.problem, setting.cam2world, end_name(name, k))
-            for k, setting in enumerate(settings)
-        ]
+        uncertainty = run.problem.pose_uncertainty
+        cameras = SplitCameras(target, poses, knowledge, run.problem.camera, uncertainty)
+        world_to_camera = np.linalg.inv(np.array(poses))
         n = poses_needed(run.problem.probability, _POSES)
         hits = split_successes(cameras, checks, n, [derive_seed(run.seed, ["split", name])])
-        probability = model.probability(poses)
+        probability = model.probability(world_to_camera)
         return SplitValue(
             probability,
             min(lower_bound(hits, n), probability),
             n,
-            model.standard_uncertainty(poses),
+            model.standard_uncertainty(world_to_camera),
         )
+
+
+def _surest_pair(
+    settings: Sequence[SensorSetting], target: str, entities: Mapping[int, Sequence[int]]
+) -> tuple[int, ...]:
+    """Return two different settings that measure one end of a target each, as surely as any; empty without such."""
+    best: tuple[int, ...] = ()
+    largest = -1.0
+    for pair in itertools.product(entities.get(0, ()), entities.get(1, ())):
+        first, second = pair
+        surest = min(
+            settings[first].promise[end_name(target, 0)],
+            settings[second].promise[end_name(target, 1)],
+        )
+        if first != second and surest > largest:
+            best = pair
+            largest = surest
+    return best
 
 
 def _renamed(values: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:

@@ -43,7 +43,7 @@ class SplitCameras:
         The whole dimension, with one witness and what it has from the request.
     planned : sequence of array (4, 4)
         The pose for each entity.
-    known : sequence of (PoseKnowledge or None)
+    knowledge : sequence of (PoseKnowledge or None)
         What registration tells of each pose, under the name of the target.
     camera : Camera
         The camera.
@@ -53,7 +53,7 @@ class SplitCameras:
 
     target: PlannedDimension
     planned: Sequence[Array]
-    known: Sequence[PoseKnowledge | None]
+    knowledge: Sequence[PoseKnowledge | None]
     camera: Camera
     pose_uncertainty: PoseUncertainty
 
@@ -128,8 +128,10 @@ class SplitDraws:
         self._cameras = cameras
         self.rng = np.random.default_rng([*seed])
         self.values = [
-            ValuePoses(pose, known, [*seed, k])
-            for k, (pose, known) in enumerate(zip(cameras.planned, cameras.known, strict=True))
+            ValuePoses(pose, knowledge, [*seed, k])
+            for k, (pose, knowledge) in enumerate(
+                zip(cameras.planned, cameras.knowledge, strict=True)
+            )
         ]
 
     def poses(self, n: int) -> list[Array]:

@@ -129,6 +129,25 @@ def test_the_bound_counts_each_entity(plan):
     assert "no two can be inspected together" in plan.bound_proof
 
 
+def test_a_setting_is_saved(solid):
+    """Each side with its bore needs an image; the distance of the bores needs a third one, or both of these."""
+    left, right = upper_rims(solid)
+    sides = [[[x, 0.0, 40.0], [x, 50.0, 40.0]] for x in (0.0, LENGTH_MM)]
+    wanted = {
+        "left": Dimension.centre_to_edge(left, sides[0], max_error_mm=ERROR_MM),
+        "right": Dimension.centre_to_edge(right, sides[1], max_error_mm=ERROR_MM),
+        "apart": Dimension.centre_distance(left, right, max_error_mm=ERROR_MM),
+    }
+    saving = planned(solid, wanted)
+    assert saving.complete
+    assert list(saving.split) == ["apart"]
+    assert len(saving.settings) == saving.lower_bound == 2
+    # other targets have the witnesses and all that they had as a whole
+    for setting in saving.settings:
+        (whole,) = set(setting.entities) - set(setting.ends)
+        assert setting.p_all[whole] > 0.99
+
+
 def problem_of(solid, wanted):
     from planner.inspection import visible_regions
     from planner.options import InspectionOptions
@@ -155,7 +174,8 @@ def test_ends_are_targets_that_a_whole_counts_for(short_problem):
     assert split.entity.tolist() == [WHOLE, 0, 1]
     first = split.problem.targets[1]
     assert target_and_end(first.name) == ("apart", 0)
-    whole, end = first.choosing(0), first.choosing(1)
+    whole = first.choosing(0)
+    end = first.choosing(1)
     assert whole.permitted_error == ERROR_MM
     assert end.permitted_error == pytest.approx(END_SHARE * ERROR_MM)
     assert isinstance(end.measurand, End)
