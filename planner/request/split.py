@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors.measurands import End
+from planner.camera.pose import PoseUncertainty
 from planner.request.models import Key, Lifts, OwnEdges, key_of
 from planner.request.problem import Problem
 from planner.request.reach import TargetSpace, entity_space
@@ -161,7 +162,9 @@ def _searched_end(target: Target, entity: int, *, also_whole: bool, any_way: boo
     )
 
 
-def _registered(problem: Problem, names: Collection[str]) -> object:
+def _registered(
+    problem: Problem, names: Collection[str]
+) -> OwnEdges | PoseUncertainty | None:
     """Return the registration of a problem with how ends move; an end frees what the whole value frees."""
     own_edges = problem.registered
     if not isinstance(own_edges, OwnEdges):

@@ -122,7 +122,7 @@ class _EndPoses:
         alone = split_problem(run.problem.restricted_to(names), names)
         child = child_run(run, alone.problem)
         judged = child.judge(self.poses)
-        seen = judged.inspects.any(axis=0)
+        seen: NDArray[np.bool_] = np.asarray(judged.inspects.any(axis=0))
         if search:
             tasks = []
             for column in np.flatnonzero(~seen):

@@ -598,7 +598,7 @@ def prove_bound(run: SearchRun, incumbents: Incumbents) -> ProvenBound:
             return None
         # what inspects a target inspects all of its entities, in one setting or in several
         of_targets = np.bincount(apart.owner, weights, minlength=int(inspected.sum()))
-        return of_all(of_targets, inspected)
+        return of_all(of_targets.astype(float), inspected)
 
     checkpoint = run.checkpoint()
     proven = checkpoint.get("proven")
