@@ -238,11 +238,12 @@ def arm(plan: InspectionPlan) -> Table | None:
     if not plan.cell or not plan.settings:
         return None
     turns = any(setting.angle_deg is not None for setting in plan.settings)
+    n_joints = max(len(setting.joints) for setting in plan.settings)
     columns = [
         Column("Setting", kind="settings"),
         Column("Part lies"),
         *([Column("Turntable", right=True, unit="°", spec="g")] if turns else []),
-        *(Column(f"Joint {k}", right=True, unit="°", spec=".2f") for k in range(1, 7)),
+        *(Column(f"Joint {k}", right=True, unit="°", spec=".2f") for k in range(1, n_joints + 1)),
         Column("Clearance", right=True, unit="mm", spec=".1f"),
         Column("between"),
         Column("To limit", right=True, unit="°", spec=".0f"),

@@ -1,4 +1,4 @@
-"""The robot: an arm of six turning joints, read from a URDF."""
+"""The robot: an arm of six or seven turning joints, read from a URDF."""
 
 from __future__ import annotations
 
@@ -15,15 +15,17 @@ from aspectgraph.files import read_text
 from planner.argument_kinds import POSITIVE, shown
 from planner.exceptions import RobotError
 from planner.robotcell.bodies import Hull, hull_of, read_triangles, round_points
-from planner.robotcell.branches import Branches, Chain
+from planner.robotcell.branches import SIX, Branches, Chain
+from planner.robotcell.redundancy import RedundantBranches
 from planner.robotcell.urdf import (
-    N_JOINTS,
+    JOINT_COUNTS,
     LinkShape,
     UrdfArm,
     carry,
     check_pose,
     check_rotations,
     compose,
+    rate_of_each,
     read_urdf,
 )
 
@@ -47,6 +49,8 @@ class ControllerAxes:
         Axis, joint and factor: the axis is its own joint plus the factor times this joint. Numbers from 1.
     limits : sequence of (int, float, float)
         Axis, its least and its largest angle, rad. The joints keep the limits of the URDF as well.
+    n_joints : int
+        Joints of the arm.
 
     Raises
     ------
@@ -61,12 +65,18 @@ class ControllerAxes:
     array([0. , 0.5, 0.6, 0. , 0. , 0. ])
     """
 
-    def __init__(self, coupled: Any = (), limits: Any = ()) -> None:
-        rows = [_numbers("coupled", _COUPLED, row) for row in _rows("coupled", _COUPLED, coupled)]
+    def __init__(
+        self, coupled: Any = (), limits: Any = (), n_joints: int = JOINT_COUNTS[0]
+    ) -> None:
+        self.n_joints = n_joints
+        rows = [
+            _numbers("coupled", _COUPLED, row, n_joints)
+            for row in _rows("coupled", _COUPLED, coupled)
+        ]
         for row in rows:
-            _check_coupled(row)
+            _check_coupled(row, n_joints)
         self.coupled = tuple((int(axis), int(joint), factor) for axis, joint, factor in rows)
-        self.matrix = np.eye(N_JOINTS)
+        self.matrix = np.eye(n_joints)
         for axis, joint, factor in self.coupled:
             if self.matrix[axis - 1, joint - 1] != 0.0:
                 got = f"axis {axis} and joint {joint} twice"
@@ -77,11 +87,12 @@ class ControllerAxes:
             raise RobotError.of_rule("coupled", rule, shown([list(row) for row in self.coupled]))
         self.inverse = np.linalg.inv(self.matrix)
         rows = [
-            _numbers("axis_limits", _LIMITS, row) for row in _rows("axis_limits", _LIMITS, limits)
+            _numbers("axis_limits", _LIMITS, row, n_joints)
+            for row in _rows("axis_limits", _LIMITS, limits)
         ]
         self.limits = tuple((int(axis), low, high) for axis, low, high in rows)
-        self.lower = np.full(N_JOINTS, -np.inf)
-        self.upper = np.full(N_JOINTS, np.inf)
+        self.lower = np.full(n_joints, -np.inf)
+        self.upper = np.full(n_joints, np.inf)
         for axis, low, high in self.limits:
             if not low < high:
                 got = shown([axis, low, high])
@@ -102,7 +113,7 @@ class ControllerAxes:
         Parameters
         ----------
         joints : array (..., k)
-            Rad; what stands behind the sixth one is taken over.
+            Rad; what stands behind the joints is taken over.
 
         Returns
         -------
@@ -116,12 +127,12 @@ class ControllerAxes:
         return _mapped(self.inverse, axes)
 
     def margin(self, joints: np.ndarray) -> np.ndarray:
-        """Return how far the axes of joints (n, 6) are from their limits (n,), rad; negative beyond one."""
-        axes = self.of(joints[..., :N_JOINTS])
+        """Return how far the axes of joints (n, k) are from their limits (n,), rad; negative beyond one."""
+        axes = self.of(joints[..., : self.n_joints])
         return np.asarray(np.minimum(axes - self.lower, self.upper - axes).min(axis=-1))
 
     def spread(self) -> np.ndarray:
-        """Return by how much each joint (6,) may be off where every axis is off by 1, at least 1."""
+        """Return by how much each joint (k,) may be off where every axis is off by 1, at least 1."""
         return np.asarray(np.maximum(np.abs(self.inverse).sum(axis=1), 1.0))
 
     def texts(self) -> list[str]:
@@ -145,8 +156,8 @@ _LIMITS = "must hold three numbers each: an axis, its least and its largest angl
 
 def _mapped(matrix: np.ndarray, values: np.ndarray) -> np.ndarray:
     vectors = np.asarray(values, dtype=np.float64)
-    first = vectors[..., :N_JOINTS] @ matrix.T
-    return np.concatenate([first, vectors[..., N_JOINTS:]], axis=-1)
+    first = vectors[..., : len(matrix)] @ matrix.T
+    return np.concatenate([first, vectors[..., len(matrix) :]], axis=-1)
 
 
 def _rows(name: str, rule: str, value: Any) -> Sequence[Any]:
@@ -155,7 +166,7 @@ def _rows(name: str, rule: str, value: Any) -> Sequence[Any]:
     return value
 
 
-def _numbers(name: str, rule: str, row: Any) -> tuple[float, float, float]:
+def _numbers(name: str, rule: str, row: Any, n_joints: int) -> tuple[float, float, float]:
     """Return an axis and two finite numbers."""
     try:
         first, second, third = (float(number) for number in row)
@@ -165,19 +176,17 @@ def _numbers(name: str, rule: str, row: Any) -> tuple[float, float, float]:
         raise RobotError.of_rule(name, rule, shown(row))
     if not np.isfinite([first, second, third]).all():
         raise RobotError.of_rule(name, "must be finite", shown(row))
-    if first not in range(1, N_JOINTS + 1):
-        raise RobotError.of_rule(
-            name, "must begin with the number of an axis, from 1 to 6", shown(row)
-        )
+    if first not in range(1, n_joints + 1):
+        rule = f"must begin with the number of an axis, from 1 to {n_joints}"
+        raise RobotError.of_rule(name, rule, shown(row))
     return first, second, third
 
 
-def _check_coupled(row: tuple[float, float, float]) -> None:
+def _check_coupled(row: tuple[float, float, float], n_joints: int) -> None:
     axis, joint, factor = row
-    if joint not in range(1, N_JOINTS + 1) or joint == axis:
-        raise RobotError.of_rule(
-            "coupled", "must name another joint, from 1 to 6", shown(list(row))
-        )
+    if joint not in range(1, n_joints + 1) or joint == axis:
+        rule = f"must name another joint, from 1 to {n_joints}"
+        raise RobotError.of_rule("coupled", rule, shown(list(row)))
     if not 0.0 < abs(factor) <= _LARGEST_FACTOR:
         rule = f"must have a factor that is not 0 and at most {_LARGEST_FACTOR:g}"
         raise RobotError.of_rule("coupled", rule, shown(list(row)))
@@ -211,7 +220,7 @@ class Joint:
 
 
 class Robot:
-    """A serial arm of six turning joints; `from_urdf` makes one.
+    """A serial arm of six or seven turning joints; `from_urdf` makes one.
 
     Lengths are in mm, angles in rad. The base is the frame of the base link. The tip is the frame
     of the link that carries the camera.
@@ -227,11 +236,11 @@ class Robot:
         Link that carries the camera.
     base : str or None
         Link whose frame is the base.
-    accelerations : array (6,)
+    accelerations : array (k,)
         Largest accelerations, rad/s².
     hulls : tuple of tuple of Hull
         Convex hulls of the links, in the frames of the joints.
-    speeds : array (6,), optional
+    speeds : array (k,), optional
         Largest speeds, rad/s. Default: those of the URDF.
     bodiless_links : tuple of str
         Links behind joints that may have no geometry.
@@ -247,7 +256,7 @@ class Robot:
     tip : str
         Link that carries the camera.
     joints : tuple of Joint
-        Six, from the base to the tip.
+        Six or seven, from the base to the tip.
     segment_names : tuple of str
         The base link and the links behind the joints.
     bodiless_links : tuple of str
@@ -301,7 +310,9 @@ class Robot:
         self.notes = arm.notes
         self.pendant = arm.pendant
         self._stated_bodiless = bodiless_links
-        self.controller = ControllerAxes() if controller is None else controller
+        self.controller = (
+            ControllerAxes(n_joints=self.n_joints) if controller is None else controller
+        )
         self._made_of = (
             text,
             tip,
@@ -313,7 +324,7 @@ class Robot:
             self.controller,
         )
         self._file = file
-        self._branches: Branches | None = None
+        self._branches: Branches | RedundantBranches | None = None
 
     @classmethod
     def from_urdf(
@@ -342,9 +353,9 @@ class Robot:
             UR shows ``base``, which is turned by 180° about z.
         packages : mapping of str to path, optional
             Folders of the packages that ``package://`` names.
-        accelerations : float or sequence of 6 floats
+        accelerations : float or sequence of floats, one a joint
             Largest accelerations of the joints, rad/s², which a URDF does not state.
-        speeds : float or sequence of 6 floats, optional
+        speeds : float or sequence of floats, one a joint, optional
             Largest speeds of the joints, rad/s. Default: those of the URDF.
         bodiless_links : sequence of str, or "all"
             Links that a cell accepts without geometry. Collisions of these are not checked. Default: a cell refuses a
@@ -382,8 +393,11 @@ class Robot:
                 raise
             named = f"urdf {file.name!r}"
             raise RobotError.of_rule(named, error.rule, error.got, hint=error.hint) from None
+        n_joints = len(arm.joints)
+        strongest = rate_of_each("accelerations", strongest, n_joints)
+        fastest = None if fastest is None else rate_of_each("speeds", fastest, n_joints)
         stated = _checked_links(bodiless_links, arm.segments[1:])
-        controller = ControllerAxes(coupled, axis_limits)
+        controller = ControllerAxes(coupled, axis_limits, n_joints)
         return cls(text, tip, base, strongest, hulls, fastest, stated, controller, str(file))
 
     def check_bodies(self) -> None:
@@ -396,7 +410,7 @@ class Robot:
         """
         missing = [name for name in self.bodiless_links if name not in self._stated_bodiless]
         if missing:
-            every = len(missing) == N_JOINTS
+            every = len(missing) == self.n_joints
             field = 'bodiless_links = "all"' if every else f"bodiless_links = {_toml(missing)}"
             raise RobotError.of_rule(
                 f"urdf of robot {self.name!r}",
@@ -410,12 +424,17 @@ class Robot:
         """What a user must know of links without geometry, in one sentence; empty if there are none."""
         return unchecked_text(self.bodiless_links)
 
+    @property
+    def n_joints(self) -> int:
+        """How many joints the arm has: six or seven."""
+        return len(self.joints)
+
     def forward(self, q: Any) -> np.ndarray:
         """Return the pose of the tip in the base.
 
         Parameters
         ----------
-        q : array_like, shape (n, 6) or (6,)
+        q : array_like, shape (n, k) or (k,)
             Joints, rad.
 
         Returns
@@ -424,7 +443,7 @@ class Robot:
             Poses, mm.
         """
         joints = np.asarray(q, dtype=np.float64)
-        tips = self.chain.tips(self.chain.frames(joints.reshape(-1, N_JOINTS)))
+        tips = self.chain.tips(self.chain.frames(joints.reshape(-1, self.n_joints)))
         return tips.reshape(*joints.shape[:-1], 4, 4)
 
     def link_poses(self, q: np.ndarray) -> np.ndarray:
@@ -432,12 +451,12 @@ class Robot:
 
         Parameters
         ----------
-        q : array, shape (n, 6)
+        q : array, shape (n, k)
             Joints, rad.
 
         Returns
         -------
-        array, shape (n, 7, 4, 4)
+        array, shape (n, k + 1, 4, 4)
             Poses, mm.
         """
         return compose(self.chain.frames(np.asarray(q, dtype=np.float64)), self.chain.links)
@@ -447,12 +466,12 @@ class Robot:
 
         Parameters
         ----------
-        q : array, shape (n, 6)
+        q : array, shape (n, k)
             Joints, rad.
 
         Returns
         -------
-        array, shape (n, 6, 6)
+        array, shape (n, 6, k)
             Rows 0 to 2: velocity of the tip, mm/rad; rows 3 to 5: its angular velocity. In the
             base's axes.
         """
@@ -463,7 +482,7 @@ class Robot:
 
         Parameters
         ----------
-        q : array, shape (n, 6)
+        q : array, shape (n, k)
             Joints, rad.
 
         Returns
@@ -480,7 +499,7 @@ class Robot:
 
         Parameters
         ----------
-        q : array, shape (n, 6)
+        q : array, shape (n, k)
             Joints, rad.
 
         Returns
@@ -502,10 +521,10 @@ class Robot:
 
         Returns
         -------
-        array, shape (k, 6)
-            Joints, rad, in one order; k is 0 out of reach, and seldom more than 8. With the axes of
-            a wrist in line, a whole curve of joints leads to the pose. Those nearest to zero stand
-            for all.
+        array, shape (m, k)
+            Joints, rad, in one order; m is 0 out of reach, and seldom more than 8 with six joints.
+            With the axes of a wrist in line, a whole curve of joints leads to the pose. Those
+            nearest to zero stand for all. With seven joints, some from all along the curve do.
 
         Raises
         ------
@@ -524,7 +543,7 @@ class Robot:
 
         Returns
         -------
-        list of array (k, 6)
+        list of array (m, k)
             One for each pose.
         """
         q, owner = self.solutions(flanges)
@@ -540,7 +559,7 @@ class Robot:
 
         Returns
         -------
-        q : array, shape (m, 6)
+        q : array, shape (m, k)
             Joints, rad.
         owner : array of int, shape (m,)
             Number of each one's pose.
@@ -575,21 +594,22 @@ class Robot:
 
         Parameters
         ----------
-        q : array_like, shape (6,)
+        q : array_like, shape (k,)
             Joints, rad.
 
         Returns
         -------
-        array, shape (t, 6)
+        array, shape (t, k)
             Joints, rad, the given ones first.
         """
         turned = self._solver().turns(np.asarray(q, dtype=np.float64))
         return turned[self.controller.margin(turned) >= 0]
 
-    def _solver(self) -> Branches:
+    def _solver(self) -> Branches | RedundantBranches:
         if self._branches is None:
             try:
-                self._branches = Branches(self.chain, self.lower, self.upper)
+                kind = RedundantBranches if self.n_joints > SIX else Branches
+                self._branches = kind(self.chain, self.lower, self.upper)
             except RobotError as error:
                 if not (error.parameter and self._file):
                     raise
@@ -622,7 +642,7 @@ class Robot:
 
 
 def _values(joints: Sequence[Joint], name: str) -> np.ndarray:
-    """Return one number of every joint (6,), read-only."""
+    """Return one number of every joint (k,), read-only."""
     values = np.array([getattr(joint, name) for joint in joints])
     values.flags.writeable = False
     return values
@@ -636,12 +656,14 @@ def unchecked_text(names: Sequence[str]) -> str:
 
 
 def _checked_rates(name: str, unit: str, given: Any) -> np.ndarray:
-    """Return six speeds or accelerations."""
-    values = [given] * N_JOINTS if not isinstance(given, Sequence | np.ndarray) else list(given)
-    if len(values) != N_JOINTS or not all(POSITIVE.accepts(value) for value in values):
-        rule = f"must be a positive number of {unit}, or six"
+    """Return a speed or acceleration of all joints (), or one of each (k,)."""
+    is_single = not isinstance(given, Sequence | np.ndarray)
+    values = [given] if is_single else list(given)
+    is_right = is_single or len(values) in JOINT_COUNTS
+    if not is_right or not all(POSITIVE.accepts(value) for value in values):
+        rule = f"must be a positive number of {unit}, or one for each joint"
         raise RobotError.of_rule(name, rule, shown(given))
-    return np.array(values, dtype=np.float64)
+    return np.array(given if is_single else values, dtype=np.float64)
 
 
 def _checked_links(given: Any, links: Sequence[str]) -> tuple[str, ...]:

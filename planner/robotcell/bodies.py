@@ -739,11 +739,12 @@ class StandingBoxes(NamedTuple):
 
     @classmethod
     def of(cls, bodies: Sequence[Standing]) -> StandingBoxes:
-        """Return those of bodies, one at least."""
-        inverses = np.array([invert(body.pose) for body in bodies])
-        lows = np.array([body.low for body in bodies])
-        highs = np.array([body.high for body in bodies])
-        return cls(inverses[:, :3, :3], inverses[:, :3, 3], lows, highs)
+        """Return those of bodies."""
+        inverses = np.array([invert(body.pose) for body in bodies]).reshape(-1, 4, 4)
+        lows = np.array([body.low for body in bodies]).reshape(-1, 3)
+        highs = np.array([body.high for body in bodies]).reshape(-1, 3)
+        turns = np.ascontiguousarray(inverses[:, :3, :3])
+        return cls(turns, np.ascontiguousarray(inverses[:, :3, 3]), lows, highs)
 
     def distance_bounds(self, points: np.ndarray) -> np.ndarray:
         """Return lower bounds (n, b, s) of the distances of points (n, s, 3) of the base from each body, mm."""

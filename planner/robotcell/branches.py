@@ -19,8 +19,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from aspectgraph.exceptions import how_to_install
+from ground.decorators import njit
 from planner.exceptions import RobotError
-from planner.robotcell.urdf import N_JOINTS, UrdfArm, about, compose, invert, to_axis
+from planner.robotcell.urdf import UrdfArm, about, compose, invert, to_axis
+
+SIX = 6
+"""Joints of an arm that has no more than it needs."""
 
 _TURN = 2 * np.pi
 _QUARTERS = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)
@@ -76,11 +80,11 @@ class Chain:
 
     Attributes
     ----------
-    steps : array (6, 4, 4)
+    steps : array (k, 4, 4)
         A_k: the frame of joint k at zero in the frame of the joint before.
     tip : array (4, 4)
         T: the tip in the frame of the last joint.
-    links : array (7, 4, 4)
+    links : array (k + 1, 4, 4)
         The link's own frame in F_k.
     """
 
@@ -100,39 +104,88 @@ class Chain:
         return cls(np.array(steps), compose(backs[-1], arm.tip), np.array(backs))
 
     def frames(self, q: np.ndarray) -> np.ndarray:
-        """Return the frames F_0 … F_6 of joints (n, 6) in the base; (n, 7, 4, 4)."""
-        frames = np.empty((len(q), N_JOINTS + 1, 4, 4))
-        frames[:, 0] = np.eye(4)
-        cosines = np.cos(q)[:, :, None]
-        sines = np.sin(q)[:, :, None]
-        for k, step in enumerate(self.steps):
-            before = compose(frames[:, k], step)
-            after = frames[:, k + 1]
-            after[:] = before
-            after[:, :, 0] = cosines[:, k] * before[:, :, 0] + sines[:, k] * before[:, :, 1]
-            after[:, :, 1] = cosines[:, k] * before[:, :, 1] - sines[:, k] * before[:, :, 0]
-        return frames
+        """Return the frames F_0 … F_k of joints (n, k) in the base; (n, k + 1, 4, 4)."""
+        return np.asarray(_frames(self.steps, np.cos(q), np.sin(q)))
 
     def tips(self, frames: np.ndarray) -> np.ndarray:
         """Return the poses (n, 4, 4) of the tip."""
         return compose(frames[:, -1], self.tip)
 
     def jacobian(self, frames: np.ndarray) -> np.ndarray:
-        """Return the tip's velocity per joint speed (n, 6, 6): mm and rad in the base's axes."""
+        """Return the tip's velocity per joint speed (n, 6, k): mm and rad in the base's axes."""
         axes = frames[:, 1:, :3, 2]
         levers = self.tips(frames)[:, None, :3, 3] - frames[:, 1:, :3, 3]
         rows = np.concatenate([np.cross(axes, levers), axes], axis=2)
         return np.swapaxes(rows, 1, 2)
 
     def reach_mm(self) -> np.ndarray:
-        """Return how far from each joint's origin the tip can be (6,): the sum of the lengths behind it."""
+        """Return how far from each joint's origin the tip can be (k,): the sum of the lengths behind it."""
         offsets = np.concatenate([self.steps[1:], self.tip[None]])[:, :3, 3]
         lengths = np.sqrt((offsets**2).sum(axis=1))
         return np.cumsum(lengths[::-1])[::-1]
 
 
-class Branches:
-    """The solutions of an arm.
+@njit(error_model="numpy")
+def _frames(steps: np.ndarray, cosines: np.ndarray, sines: np.ndarray) -> np.ndarray:
+    """Return the frames (n, k + 1, 4, 4) of joints with cosines and sines (n, k), for the constant steps (k, 4, 4)."""
+    n, n_joints = cosines.shape
+    frames = np.zeros((n, n_joints + 1, 4, 4))
+    for row in range(n):
+        for i in range(4):
+            frames[row, 0, i, i] = 1.0
+        for k in range(n_joints):
+            before = frames[row, k]
+            after = frames[row, k + 1]
+            step = steps[k]
+            c = cosines[row, k]
+            s = sines[row, k]
+            for i in range(4):
+                for j in range(4):
+                    total = 0.0
+                    for m in range(4):
+                        total += before[i, m] * step[m, j]
+                    after[i, j] = total
+                x = after[i, 0]
+                y = after[i, 1]
+                after[i, 0] = c * x + s * y
+                after[i, 1] = c * y - s * x
+    return frames
+
+
+class JointLimits:
+    """The limits of an arm's joints.
+
+    Parameters
+    ----------
+    lower, upper : array (k,)
+        Limits of the joints, rad.
+    """
+
+    def __init__(self, lower: np.ndarray, upper: np.ndarray) -> None:
+        self._lower = lower
+        self._upper = upper
+
+    def within_limits(self, q: np.ndarray) -> np.ndarray:
+        """Return joints (m, k) at the turns nearest to zero within the limits; NaN where there is none."""
+        near = q - _TURN * np.round(q / _TURN)
+        up = np.ceil((self._lower - near - _AT_LIMIT) / _TURN)
+        down = np.ceil((near - self._upper - _AT_LIMIT) / _TURN)
+        moved = near + _TURN * (np.maximum(up, 0.0) - np.maximum(down, 0.0))
+        clipped = np.clip(moved, self._lower, self._upper)
+        return np.where(np.abs(clipped - moved) <= _AT_LIMIT, clipped, np.nan)
+
+    def turns(self, q: np.ndarray) -> np.ndarray:
+        """Return joints (t, k) that differ from (k,) by full turns, within the limits, the given ones first."""
+        choices = []
+        for angle, low, high in zip(q, self._lower, self._upper, strict=True):
+            count = int(np.ceil((high - low) / _TURN)) + 1
+            others = [angle + _TURN * turn for turn in range(-count, count + 1) if turn]
+            choices.append([angle, *(turned for turned in others if low <= turned <= high)])
+        return np.array(list(product(*choices)))
+
+
+class Branches(JointLimits):
+    """The solutions of an arm of six joints.
 
     EAIK solves an *exact* arm, whose axes are parallel, at right angles or meet to all digits. The exact arm nearest
     to the file's is solved, and Newton's method goes on from there on the file's own chain. At construction drawn
@@ -152,12 +205,11 @@ class Branches:
     """
 
     def __init__(self, chain: Chain, lower: np.ndarray, upper: np.ndarray) -> None:
+        super().__init__(lower, upper)
         self._chain = chain
-        self._lower = lower
-        self._upper = upper
         # seen from the first joint, whose axis is z, however the base is turned
         self._to_first = invert(chain.steps[0])
-        zero = chain.tips(chain.frames(np.zeros((1, N_JOINTS))))
+        zero = chain.tips(chain.frames(np.zeros((1, SIX))))
         self._tip_turn = compose(self._to_first, zero)[0, :3, :3]
         q = self._drawn()
         most_refound = 0
@@ -200,44 +252,18 @@ class Branches:
         q, owner = self._solve(tips)
         q = self.within_limits(q)
         within = np.isfinite(q).all(axis=1)
-        q = q[within]
-        owner = owner[within]
-        # noise in the last digits must not decide the order
-        keys = np.round(q, 6)
-        order = np.lexsort((*keys.T[::-1], owner))
-        q = q[order]
-        owner = owner[order]
-        first = _firsts(q, owner, _SAME)
-        return q[first], owner[first]
+        return firsts_in_order(q[within], owner[within], _SAME)
 
     def exist(self, tips: np.ndarray) -> np.ndarray:
         """Return for which poses (n, 4, 4) there are joints, whatever their limits; (n,) bool."""
         _, owner = self._solve(tips)
         return np.bincount(owner, minlength=len(tips)) > 0
 
-    def within_limits(self, q: np.ndarray) -> np.ndarray:
-        """Return joints (m, 6) at the turns nearest to zero within the limits; NaN where there is none."""
-        near = q - _TURN * np.round(q / _TURN)
-        up = np.ceil((self._lower - near - _AT_LIMIT) / _TURN)
-        down = np.ceil((near - self._upper - _AT_LIMIT) / _TURN)
-        moved = near + _TURN * (np.maximum(up, 0.0) - np.maximum(down, 0.0))
-        clipped = np.clip(moved, self._lower, self._upper)
-        return np.where(np.abs(clipped - moved) <= _AT_LIMIT, clipped, np.nan)
-
-    def turns(self, q: np.ndarray) -> np.ndarray:
-        """Return joints (t, 6) that differ from (6,) by full turns, within the limits, the given ones first."""
-        choices = []
-        for angle, low, high in zip(q, self._lower, self._upper, strict=True):
-            count = int(np.ceil((high - low) / _TURN)) + 1
-            others = [angle + _TURN * turn for turn in range(-count, count + 1) if turn]
-            choices.append([angle, *(turned for turned in others if low <= turned <= high)])
-        return np.array(list(product(*choices)))
-
     def _drawn(self) -> np.ndarray:
         """Return joints (n, 6) within limits for the self-test, none of them nearly singular."""
         low = np.maximum(self._lower, -_TURN)
         high = np.minimum(self._upper, _TURN)
-        shares = np.random.default_rng(0).random((_DRAWS, N_JOINTS))
+        shares = np.random.default_rng(0).random((_DRAWS, SIX))
         q = low + shares * np.maximum(high - low, 0.0)
         singular = np.linalg.svd(self._jacobian(self._chain.frames(q)), compute_uv=False)[:, -1]
         # the least singular ones: a small arm has small singular values
@@ -279,7 +305,7 @@ class Branches:
             return q_met, met_by
         starts, whose = self._beside(tips, again)
         # the last joint is arbitrary, too
-        turned = (q[aimless] + quarter * np.eye(N_JOINTS)[-1] for quarter in _QUARTERS)
+        turned = (q[aimless] + quarter * np.eye(SIX)[-1] for quarter in _QUARTERS)
         starts = np.concatenate([starts, *turned])
         whose = np.concatenate([whose, np.tile(owner[aimless], len(_QUARTERS))])
         more, whose, _ = self._refined(starts, whose, tips)
@@ -291,10 +317,10 @@ class Branches:
         targets[:, :3, 3] *= _M
         targets[:, :3, :3] = np.einsum("nij,kj->nik", targets[:, :3, :3], self._tip_turn)
         solutions = [self._arm.solver.IK(pose) for pose in targets]
-        joints = [np.asarray(each.Q, dtype=np.float64).reshape(-1, N_JOINTS) for each in solutions]
+        joints = [np.asarray(each.Q, dtype=np.float64).reshape(-1, SIX) for each in solutions]
         flags = [np.asarray(each.is_LS, dtype=bool).reshape(-1) for each in solutions]
         owner = np.repeat(np.arange(len(tips)), [len(q) for q in joints])
-        q = np.concatenate([np.empty((0, N_JOINTS)), *joints])
+        q = np.concatenate([np.empty((0, SIX)), *joints])
         return q * self._arm.signs, owner, np.concatenate([np.empty(0, dtype=bool), *flags])
 
     def _beside(self, tips: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -487,8 +513,8 @@ class _ExactArm:
         axes = _along(_snapped(frames[0, 1:, :3, 2]), near.angle)
         points = _M * np.concatenate([frames[0, 1:, :3, 3], chain.tips(frames)[:, :3, 3]])
         points = _meeting(axes, points, near.length)
-        self.signs = np.ones(N_JOINTS)
-        for k in range(1, N_JOINTS):
+        self.signs = np.ones(SIX)
+        for k in range(1, SIX):
             if axes[k] @ axes[k - 1] * self.signs[k - 1] < -1 + _NOISE:
                 self.signs[k] = -1.0
         offsets = np.diff(points, axis=0, prepend=np.zeros((1, 3)))
@@ -558,7 +584,7 @@ def _is_aimless(
 def _damped_step(jacobian: np.ndarray, rest: np.ndarray, damping: np.ndarray) -> np.ndarray:
     """Return steps (n, 6) of joints: the least squares of what is missing and of the damped step."""
     normal = np.einsum("nji,njk->nik", jacobian, jacobian)
-    diagonal = np.arange(N_JOINTS)
+    diagonal = np.arange(SIX)
     normal[:, diagonal, diagonal] += (damping + _REGULAR)[:, None]
     gradient = np.einsum("nji,nj->ni", jacobian, rest)
     return _capped(np.linalg.solve(normal, gradient[:, :, None])[:, :, 0])
@@ -576,8 +602,22 @@ def _apart(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.abs(turned - _TURN * np.round(turned / _TURN)).max(axis=1, initial=0.0)
 
 
+def firsts_in_order(q: np.ndarray, owner: np.ndarray, same: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return joints (m, k) and whose they are (m,), by owner and then by joints, without what repeats earlier ones.
+
+    Joints of one owner repeat others if no angle differs by more than `same`, rad.
+    """
+    # noise in the last digits must not decide the order
+    keys = np.round(q, 6)
+    order = np.lexsort((*keys.T[::-1], owner))
+    q = q[order]
+    owner = owner[order]
+    first = _firsts(q, owner, same)
+    return q[first], owner[first]
+
+
 def _firsts(q: np.ndarray, owner: np.ndarray, same: float) -> np.ndarray:
-    """Return which joints (m, 6), sorted by owner, are the first of all that differ by no more for a pose."""
+    """Return which joints (m, k), sorted by owner, are the first of all that differ by no more for a pose."""
     first = np.ones(len(q), dtype=bool)
     for step in range(1, int(np.bincount(owner).max(initial=0))):
         rows = np.flatnonzero(owner[step:] == owner[:-step])

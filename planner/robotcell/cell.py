@@ -41,11 +41,10 @@ from planner.robotcell.reachability import (
     PoseReach,
     Reachability,
     Reacher,
-    angle_deg,
     most_often,
     over_angles,
 )
-from planner.robotcell.urdf import N_JOINTS, check_pose, compose, invert
+from planner.robotcell.urdf import check_pose, compose, invert
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -83,7 +82,7 @@ class Cell:
     fixturings : mapping of str to Fixturing
         The ways the part lies, at least one, by name.
     home : sequence of float, optional
-        Joints (6,) at which programs begin and end, rad.
+        Joints (k,) at which programs begin and end, rad.
 
     Raises
     ------
@@ -319,7 +318,7 @@ class Cell:
         Parameters
         ----------
         q : sequence of float
-            Joints (6,) at which programs begin and end, rad.
+            Joints (k,) at which programs begin and end, rad.
 
         Returns
         -------
@@ -421,7 +420,7 @@ class Cell:
         array, shape (4, 4)
             The part's frame in the base, mm.
         """
-        home = np.zeros(N_JOINTS) if self.home is None else self.home
+        home = np.zeros(self.robot.n_joints) if self.home is None else self.home
         return self.part_at(np.append(home, angle), fixturing)
 
     def part_at(self, q: np.ndarray, fixturing: str) -> np.ndarray:
@@ -429,7 +428,7 @@ class Cell:
 
         Parameters
         ----------
-        q : array_like, shape (6,), or (7,) on a turntable
+        q : array_like, shape (k,), or (k + 1,) on a turntable
             Joints, rad.
         fixturing : str
             Name of a fixturing.
@@ -467,7 +466,7 @@ class Cell:
 
         Parameters
         ----------
-        q : array, shape (n, 6), or (n, 7) on a turntable
+        q : array, shape (n, k), or (n, k + 1) on a turntable
             Joints, rad.
         fixturing : str
             Name of a fixturing.
@@ -480,7 +479,7 @@ class Cell:
         self._fixturing(fixturing)
         joints = np.asarray(q, dtype=np.float64)
         parts = self._hand.parts_at(joints, fixturing)
-        return compose(invert(parts), self._hand.cameras_at(joints[:, :N_JOINTS]))
+        return compose(invert(parts), self._hand.cameras_at(joints[:, : self.robot.n_joints]))
 
     def hidden_by(
         self, cam2world: np.ndarray, segments: np.ndarray, fixturing: str, angle: float = 0.0
@@ -516,9 +515,9 @@ class Cell:
 
         Returns
         -------
-        array, shape (6,), or (7,) on a turntable
+        array, shape (k,), or (k + 1,) on a turntable
             Least joints, rad.
-        array, shape (6,), or (7,) on a turntable
+        array, shape (k,), or (k + 1,) on a turntable
             Largest joints, rad.
         """
         table = self._fixturing(fixturing).table
@@ -537,9 +536,9 @@ class Cell:
 
         Returns
         -------
-        array, shape (6,), or (7,) on a turntable
+        array, shape (k,), or (k + 1,) on a turntable
             Speeds, rad/s.
-        array, shape (6,), or (7,) on a turntable
+        array, shape (k,), or (k + 1,) on a turntable
             Accelerations, rad/s².
         """
         robot = self.robot
@@ -556,7 +555,7 @@ class Cell:
 
         Parameters
         ----------
-        q : array, shape (n, 6), or (n, 7) on a turntable
+        q : array, shape (n, k), or (n, k + 1) on a turntable
             Joints, rad.
         fixturing : str
             Name of a fixturing.
@@ -577,7 +576,7 @@ class Cell:
 
         Parameters
         ----------
-        q : array_like, shape (6,), or (7,) on a turntable
+        q : array_like, shape (k,), or (k + 1,) on a turntable
             Joints, rad.
         fixturing : str
             Name of a fixturing.
@@ -602,7 +601,7 @@ class Cell:
 
         Parameters
         ----------
-        q : array_like, shape (6,), or (7,) on a turntable
+        q : array_like, shape (k,), or (k + 1,) on a turntable
             Joints, rad.
         fixturing : str
             Name of a fixturing.
@@ -637,11 +636,11 @@ class Cell:
     def slack_bound(
         self, q: np.ndarray, fixturing: str, enough_mm: float = np.inf, *, share: float = 1.0
     ) -> np.ndarray:
-        """Return by how much all distances exceed those required, at least, for joints (n, 6).
+        """Return by how much all distances exceed those required, at least, for joints (n, k).
 
         Parameters
         ----------
-        q : array, shape (n, 6), or (n, 7) on a turntable
+        q : array, shape (n, k), or (n, k + 1) on a turntable
             Joints, rad.
         fixturing : str
             Name of a fixturing.
@@ -668,9 +667,9 @@ class Cell:
 
         Parameters
         ----------
-        q : array, shape (n, 6), or (n, 7) on a turntable
+        q : array, shape (n, k), or (n, k + 1) on a turntable
             Joints, rad.
-        turn : array, shape (6,), or (7,) on a turntable
+        turn : array, shape (k,), or (k + 1,) on a turntable
             The move, rad.
         reach : array, shape (n,)
             Largest shares of it that are of interest.
@@ -686,8 +685,8 @@ class Cell:
         """
         if self._fixturing(fixturing).table is None:
             return self._reacher(fixturing).free_shares(q, turn, reach, kept)
-        frames = self.robot.chain.frames(q[:, :N_JOINTS])
-        return self._turned(fixturing).shares(frames, q[:, N_JOINTS], turn, reach, kept)
+        frames = self.robot.chain.frames(q[:, :-1])
+        return self._turned(fixturing).shares(frames, q[:, -1], turn, reach, kept)
 
     def shapes(
         self, q: np.ndarray, fixturing: str
@@ -696,7 +695,7 @@ class Cell:
 
         Parameters
         ----------
-        q : array_like, shape (6,), or (7,) on a turntable
+        q : array_like, shape (k,), or (k + 1,) on a turntable
             Joints, rad.
         fixturing : str
             Name of a fixturing.
@@ -762,7 +761,7 @@ class Cell:
 
     @property
     def levers_mm(self) -> np.ndarray:
-        """How far from each joint's axis (6,) a point of the arm or the camera can be, at most, mm."""
+        """How far from each joint's axis (k,) a point of the arm or the camera can be, at most, mm."""
         return farthest_points(self.robot.chain, self._arm)
 
     @property
@@ -831,18 +830,20 @@ class Cell:
         return self.fixturings[name]
 
     def _at(self, q: np.ndarray, fixturing: str) -> tuple[Reacher, np.ndarray]:
-        """Return what knows a fixturing at the angle of joints (6,) or (7,), and the robot's joints."""
+        """Return what knows a fixturing at the angle of joints (k,) or (k + 1,), and the robot's joints."""
         joints = np.asarray(q, dtype=np.float64)
-        return self._reacher(fixturing, float(joints[N_JOINTS:].sum())), joints[:N_JOINTS]
+        n_joints = self.robot.n_joints
+        return self._reacher(fixturing, float(joints[n_joints:].sum())), joints[:n_joints]
 
     def _by_angle(
         self, q: np.ndarray, fixturing: str
     ) -> Iterator[tuple[np.ndarray, Reacher, np.ndarray]]:
-        """Yield the rows of joints (n, 6) or (n, 7) at each angle, what knows it, and the robot's joints."""
-        angles = q[:, N_JOINTS] if q.shape[1] > N_JOINTS else np.zeros(len(q))
+        """Yield the rows of joints (n, k) or (n, k + 1) at each angle, what knows it, and the robot's joints."""
+        n_joints = self.robot.n_joints
+        angles = q[:, n_joints:].sum(axis=1)
         for angle in dict.fromkeys(angles.tolist()):
             rows = np.flatnonzero(angles == angle)
-            yield rows, self._reacher(fixturing, angle), q[rows, :N_JOINTS]
+            yield rows, self._reacher(fixturing, angle), q[rows, :n_joints]
 
     def _reacher(self, name: str, angle: float = 0.0) -> Reacher:
         """Return the robot in one fixturing at an angle of its turntable; built when it is first needed."""
@@ -922,7 +923,7 @@ class HeldPartCell(Cell):
     fixturings : mapping of str to Grip
         The ways the robot holds the part, at least one, by name.
     home : sequence of float, optional
-        Joints (6,) at which programs begin and end, rad.
+        Joints (k,) at which programs begin and end, rad.
 
     Raises
     ------
@@ -1033,7 +1034,7 @@ def _in_sight(
             for row, pose in zip(rows, poses, strict=True)
         ]
         return [
-            PoseReach(np.empty((0, N_JOINTS)), word) if word else pose
+            PoseReach(np.empty((0, cell.robot.n_joints)), word) if word else pose
             for pose, word in zip(poses, words, strict=True)
         ]
 
@@ -1148,11 +1149,11 @@ class CellRegion:
             f"{near.first} and {near.second}" if near.first else "",
             float(self._cell.robot.to_limit_rad(q)[0]),
             float(self._cell.robot.singular_value(q)[0]),
-            angle_deg(pose.branches[0]),
+            pose.angle_deg,
         )
 
     def travel_seconds(self, joints: np.ndarray, fixturing: str) -> np.ndarray:
-        """Return the least time (n, n) between joints (n, 6) or (n, 7) in a fixturing, at full speed, s."""
+        """Return the least time (n, n) between joints (n, k) or (n, k + 1) in a fixturing, at full speed, s."""
         turns = np.abs(joints[:, None] - joints[None])
         return np.asarray((turns / self._cell.rates(fixturing)[0]).max(axis=-1))
 

@@ -29,8 +29,8 @@ _INLINE = ("cam2flange", "part2base", "pose", "axis", "packages")
 
 Triple = Annotated[tuple[float, float, float], Meta(title="must be 3 finite numbers")]
 FileName = Annotated[str, Meta(min_length=1, title="must be the name of a file or folder")]
-SixAngles = Annotated[
-    tuple[float, ...], Meta(min_length=6, max_length=6, title="must be 6 finite numbers")
+Angles = Annotated[
+    tuple[float, ...], Meta(min_length=6, max_length=7, title="must be 6 or 7 finite numbers")
 ]
 
 
@@ -212,7 +212,7 @@ class CellTable:
     light: CarriedLightTable | None = None
     obstacles: Mapping[str, BodyTable] = field(default_factory=dict)
     clearance_mm: Any = None
-    home_deg: SixAngles = ()
+    home_deg: Angles = ()
 
 
 @dataclass(frozen=True, kw_only=True)

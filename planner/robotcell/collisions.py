@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ground.decorators import njit
 from planner.robotcell.arm import Robot
 from planner.robotcell.bodies import (
     Body,
@@ -30,9 +31,6 @@ from planner.robotcell.bodies import (
 )
 from planner.robotcell.branches import Chain, needed
 from planner.robotcell.urdf import carry, compose, invert
-
-HAND = 6
-"""The segment that carries the camera."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,16 +79,20 @@ class Arm:
     ----------
     bodies : sequence of Moving
         By their segments.
+    hand_segment : int
+        The segment that carries the camera: the last one.
     """
 
-    def __init__(self, bodies: Sequence[Moving]) -> None:
+    def __init__(self, bodies: Sequence[Moving], hand_segment: int) -> None:
         fcl = needed("fcl")
+        self.hand_segment = hand_segment
         self.bodies = tuple(bodies)
         # bodies of fcl are moved before they are compared, which only one thread may do at a time
         self.lock = RLock()
         self.near_by_mount: dict[tuple[int, int], float] = {}
         """Pairs of a link and what the hand carries that the mount leaves so little, mm: they may only not touch."""
         self._grown: dict[tuple[int, float], Any] = {}
+        self._frames: dict[tuple[int, float], np.ndarray] = {}
         self.placed = [fcl.CollisionObject(geometry_of(body.hull)) for body in bodies]
         self.centres = [body.hull.corners.mean(axis=0) for body in bodies]
         segments = [body.segment for body in bodies]
@@ -98,7 +100,7 @@ class Arm:
             (a, b) for b in range(len(bodies)) for a in range(b) if _may_touch(bodies[a], bodies[b])
         ]
         self.moving = [i for i, segment in enumerate(segments) if segment > 0]
-        self.hand = [i for i, segment in enumerate(segments) if segment == HAND]
+        self.hand = [i for i, segment in enumerate(segments) if segment == hand_segment]
         self.spheres = [body.hull.centres for body in bodies]
         self.radii = np.concatenate([body.hull.radii for body in bodies])
         counts = [len(body.hull.radii) for body in bodies]
@@ -110,7 +112,7 @@ class Arm:
         return is_held and (first, second) not in self.near_by_mount
 
     def sphere_centres(self, frames: np.ndarray, which: Sequence[int]) -> np.ndarray:
-        """Return the centres (n, s, 3) of the spheres of bodies, for frames (n, 7, 4, 4)."""
+        """Return the centres (n, s, 3) of the spheres of bodies, for frames (n, k + 1, 4, 4)."""
         placed = [carry(frames[:, self.bodies[i].segment], self.spheres[i]) for i in which]
         return np.concatenate(placed, axis=1)
 
@@ -121,7 +123,10 @@ class Arm:
         return np.concatenate(radii), starts
 
     def place(self, number: int, frames: np.ndarray, grown_mm: float = 0.0) -> Any:
-        """Return the body of fcl, moved to where it is in one configuration's frames (7, 4, 4)."""
+        """Return the body of fcl, moved to where it is in one configuration's frames (k + 1, 4, 4).
+
+        The array must not be written to later: the same array means the same frames.
+        """
         if grown_mm == 0:
             placed = self.placed[number]
         elif (number, grown_mm) in self._grown:
@@ -131,7 +136,10 @@ class Arm:
             placed = self._grown.setdefault(
                 (number, grown_mm), needed("fcl").CollisionObject(outer)
             )
-        placed.setTransform(transform_of(frames[self.bodies[number].segment]))
+        # pairs of one configuration share bodies
+        if self._frames.get((number, grown_mm)) is not frames:
+            placed.setTransform(transform_of(frames[self.bodies[number].segment]))
+            self._frames[number, grown_mm] = frames
         return placed
 
 
@@ -209,7 +217,7 @@ class Surroundings:
     ) -> None:
         dropped = set(left_out)
         pairs = [pair for pair in arm.own_pairs if pair not in dropped]
-        behind_hand = [i for i in arm.moving if arm.bodies[i].segment != HAND]
+        behind_hand = [i for i in arm.moving if arm.bodies[i].segment != arm.hand_segment]
         self.hand = PairGroup(arm, standing, arm.hand, [], clearance_mm)
         self.rest = PairGroup(arm, standing, behind_hand, pairs, clearance_mm)
         self.all = PairGroup(arm, standing, arm.moving, pairs, clearance_mm)
@@ -276,7 +284,7 @@ class PairGroup:
         return self._arm.bodies[first].name, other
 
     def bounds(self, frames: np.ndarray) -> np.ndarray:
-        """Return lower bounds (n, p) of the distances of all pairs, for frames (n, 7, 4, 4)."""
+        """Return lower bounds (n, p) of the distances of all pairs, for frames (n, k + 1, 4, 4)."""
         if not self._arm_pairs:
             moving = self._arm.sphere_centres(frames, self._moving) if self._moving else frames[:0]
             return self._standing_bounds(moving, len(frames))
@@ -289,7 +297,7 @@ class PairGroup:
         if not self._moving or not self._standing:
             return np.empty((count, 0))
         radii, starts = self._moving_radii
-        nearest = self._boxes.distance_bounds(centres) - radii
+        nearest = self.boxes.distance_bounds(centres) - radii
         bounds = np.minimum.reduceat(nearest, starts, axis=2)
         return bounds.reshape(count, len(self._standing) * len(self._moving))
 
@@ -315,7 +323,8 @@ class PairGroup:
         return self._arm.sphere_radii(self._moving)
 
     @cached_property
-    def _boxes(self) -> StandingBoxes:
+    def boxes(self) -> StandingBoxes:
+        """The boxes about what stands still."""
         return StandingBoxes.of(self._standing)
 
     @cached_property
@@ -330,7 +339,7 @@ class PairGroup:
         return np.asarray((bounds < self.required) | (bounds <= 0))
 
     def blocker(self, frames: np.ndarray, bounds: np.ndarray) -> int:
-        """Return the number of a pair that is too near in one configuration's frames (7, 4, 4), or -1."""
+        """Return the number of a pair that is too near in one configuration's frames (k + 1, 4, 4), or -1."""
         columns = np.flatnonzero(self._may_be_near(bounds))
         for column in columns[np.argsort(bounds[columns], kind="stable")]:
             if self._is_near(int(column), frames):
@@ -363,7 +372,7 @@ class PairGroup:
 
         Parameters
         ----------
-        frames, bounds : array (7, 4, 4), (p,)
+        frames, bounds : array (k + 1, 4, 4), (p,)
             One configuration and its bounds.
         required : array (p,)
             Distances to keep, mm.
@@ -386,7 +395,7 @@ class PairGroup:
         return min(best, float(slack[column])), pair
 
     def distance(self, column: int, frames: np.ndarray) -> float:
-        """Return the distance of a pair in one configuration's frames (7, 4, 4), mm; 0 if it touches."""
+        """Return the distance of a pair in one configuration's frames (k + 1, 4, 4), mm; 0 if it touches."""
         with self._arm.lock:
             return self._distance(column, frames)
 
@@ -418,22 +427,27 @@ def bodies_of(
     in_hand = compose(robot.chain.tip, cam2flange)
     for body in camera:
         points = body.corners() if isinstance(body, Box) else mesh_of(body, "camera_body")[0]
-        bodies.append(Moving("camera", HAND, hull_of(carry(in_hand, points), "camera_body"), True))
+        bodies.append(
+            Moving("camera", robot.n_joints, hull_of(carry(in_hand, points), "camera_body"), True)
+        )
     for body in light:
         points = body.corners() if isinstance(body, Box) else mesh_of(body, "light")[0]
-        bodies.append(Moving("light", HAND, hull_of(carry(in_hand, points), "light"), True))
+        bodies.append(
+            Moving("light", robot.n_joints, hull_of(carry(in_hand, points), "light"), True)
+        )
     return bodies
 
 
 def farthest_points(chain: Chain, arm: Arm) -> np.ndarray:
-    """Return how far from each joint's axis (6,) a point of the arm can be, at most: lengths of links add up; mm."""
+    """Return how far from each joint's axis (k,) a point of the arm can be, at most: lengths of links add up; mm."""
     offsets = np.sqrt((chain.steps[:, :3, 3] ** 2).sum(axis=1))
-    farthest = np.zeros(HAND + 1)
+    n_joints = len(chain.steps)
+    farthest = np.zeros(n_joints + 1)
     for body in arm.bodies:
         size = float(np.sqrt((body.hull.corners**2).sum(axis=1)).max())
         farthest[body.segment] = max(farthest[body.segment], size)
-    levers = np.zeros(HAND)
-    for joint in range(HAND):
+    levers = np.zeros(n_joints)
+    for joint in range(n_joints):
         lengths = np.concatenate([[0.0], np.cumsum(offsets[joint + 1 :])])
         levers[joint] = (lengths + farthest[joint + 1 :]).max()
     return levers
@@ -461,24 +475,24 @@ class Advance:
 
     def __init__(self, chain: Chain, arm: Arm, group: PairGroup) -> None:
         self._group = group
-        self._segments = np.array([body.segment for body in arm.bodies])
-        self._centres = np.array(arm.centres)
-        corners = [body.hull.corners for body in arm.bodies]
-        self._radii = np.array(
-            [
-                np.sqrt(((points - centre) ** 2).sum(axis=1)).max()
-                for points, centre in zip(corners, arm.centres, strict=True)
-            ]
-        )
+        segments = np.array([body.segment for body in arm.bodies])
         n_joints = len(chain.steps)
         # joint k turns a body of segment s if k < s
-        self._turned = np.arange(n_joints)[:, None] < self._segments[None, :]
-        self._levers = np.where(self._turned, static_levers(chain, arm), 0.0)
+        turned = np.arange(n_joints)[:, None] < segments[None, :]
+        self._levers = np.where(turned, static_levers(chain, arm), 0.0)
         pairs = group.pairs
-        self._moving = np.array([second if both else first for first, second, both in pairs], int)
-        fixed = [self._segments[first] if both else 0 for first, _, both in pairs]
+        moving = np.array([second if both else first for first, second, both in pairs], int)
+        fixed = [segments[first] if both else 0 for first, _, both in pairs]
         between = np.arange(n_joints)[:, None] >= np.array(fixed, int)[None, :]
-        self._between = between & self._turned[:, self._moving]
+        self._spheres = _Spheres.of(arm)
+        self._boxes = group.boxes
+        self._pairs = _Pairs(
+            np.array([first for first, _, _ in pairs], int),
+            np.array([second for _, second, _ in pairs], int),
+            np.array([both for _, _, both in pairs], bool),
+            moving,
+            between & turned[:, moving],
+        )
 
     def shares(
         self,
@@ -492,9 +506,9 @@ class Advance:
 
         Parameters
         ----------
-        frames : array (n, 7, 4, 4)
+        frames : array (n, k + 1, 4, 4)
             The frames of the joints.
-        turn : array (6,)
+        turn : array (k,)
             The move, rad.
         reach : array (n,)
             Shares of it beyond which nothing need be known.
@@ -508,17 +522,37 @@ class Advance:
         array (n,)
             At most `reach`. Not positive if the configuration itself is not free.
         """
-        group = self._group
-        motions = self._motions(frames, np.abs(turn), reach) + others_mm
-        required = kept * group.required
-        with np.errstate(divide="ignore", invalid="ignore"):
-            # pairs that do not move against each other are as near as they were
-            bounds = np.where(motions > 0, (group.bounds(frames) - required) / motions, np.inf)
-        result = np.minimum(bounds.min(axis=1, initial=np.inf), reach)
-        for row in np.flatnonzero(result < reach):
+        bounds, motions, result = self.approaches(frames, turn, reach, kept, others_mm)
+        required = kept * self._group.required
+        for row in (result < reach).nonzero()[0].tolist():
             result[row] = self._exact(
                 frames[row], bounds[row], required, motions[row], float(reach[row])
             )
+        return result
+
+    def approaches(
+        self,
+        frames: np.ndarray,
+        turn: np.ndarray,
+        reach: np.ndarray,
+        kept: float,
+        others_mm: np.ndarray | float = 0.0,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the shares by spheres and the motions, mm, of pairs (n, p), and the least share (n,); see `shares`."""
+        required = kept * self._group.required
+        steps = np.abs(turn)[:, None] * self._levers
+        # joints behind an axis carry the body away from it, or towards it
+        behind = np.cumsum(steps[::-1], axis=0)[::-1] - steps
+        others = np.empty(len(required))
+        others[:] = others_mm
+        result: tuple[np.ndarray, np.ndarray, np.ndarray] = _approaches(
+            np.ascontiguousarray(frames),
+            np.ascontiguousarray(reach, dtype=np.float64),
+            self._spheres,
+            self._boxes,
+            self._pairs,
+            _Turning(np.abs(turn), self._levers, behind, required, others),
+        )
         return result
 
     def _exact(
@@ -530,10 +564,11 @@ class Advance:
         reach: float,
     ) -> float:
         best = reach
-        for column in np.argsort(bounds, kind="stable"):
+        (near,) = (bounds < reach).nonzero()
+        for column in near[bounds[near].argsort(kind="stable")].tolist():
             if bounds[column] >= best:
                 break
-            gap = self._group.distance(int(column), frames)
+            gap = self._group.distance(column, frames)
             # bodies that touch are too near, even if they need keep no distance
             share = (gap - required[column]) / motions[column] if gap > 0 else -1.0
             best = min(best, share)
@@ -541,28 +576,193 @@ class Advance:
                 break
         return best
 
-    def _motions(self, frames: np.ndarray, turn: np.ndarray, reach: np.ndarray) -> np.ndarray:
-        """Return how far (n, p) the bodies of each pair move against each other, per whole turn."""
-        origins = frames[:, 1:, None, :3, 3]
-        axes = frames[:, 1:, None, :3, 2]
-        body_frames = frames[:, self._segments]
-        centres = (
-            np.einsum("nbij,bj->nbi", body_frames[:, :, :3, :3], self._centres)
-            + body_frames[:, :, :3, 3]
-        )
-        apart = centres[:, None] - origins
-        along = (apart * axes).sum(axis=-1, keepdims=True)
-        now = np.sqrt(((apart - along * axes) ** 2).sum(axis=-1)) + self._radii
-        # joints behind an axis carry the body away from it, or towards it
-        steps = turn[:, None] * self._levers
-        behind = np.cumsum(steps[::-1], axis=0)[::-1] - steps
-        levers = np.minimum(self._levers, now + reach[:, None, None] * behind)
-        moved = turn[:, None] * levers
-        return np.asarray((moved[:, :, self._moving] * self._between).sum(axis=1))
+
+class _Spheres(NamedTuple):
+    """The spheres of an arm's bodies, those of a body one after the other, in the frames of their segments.
+
+    Attributes
+    ----------
+    segments : array (b,)
+        The segment of each body.
+    starts : array (b + 1,)
+        Where the spheres of each body begin.
+    centres, radii : array (s, 3), (s,)
+        Of the spheres, mm.
+    middles, sizes : array (b, 3), (b,)
+        Centre and radius of one sphere around each body, mm.
+    """
+
+    segments: np.ndarray
+    starts: np.ndarray
+    centres: np.ndarray
+    radii: np.ndarray
+    middles: np.ndarray
+    sizes: np.ndarray
+
+    @classmethod
+    def of(cls, arm: Arm) -> _Spheres:
+        """Return those of an arm."""
+        sizes = [
+            np.sqrt(((body.hull.corners - centre) ** 2).sum(axis=1)).max()
+            for body, centre in zip(arm.bodies, arm.centres, strict=True)
+        ]
+        segments = np.array([body.segment for body in arm.bodies])
+        starts = np.array(arm.starts, dtype=np.int64)
+        centres = np.concatenate(arm.spheres)
+        return cls(segments, starts, centres, arm.radii, np.array(arm.centres), np.array(sizes))
+
+
+class _Pairs(NamedTuple):
+    """Pairs of bodies.
+
+    Attributes
+    ----------
+    first, second : array (p,)
+        A body of the arm, and one of the arm or one that stands still.
+    is_own : array of bool (p,)
+        Whether the second one is of the arm.
+    moving : array (p,)
+        The body of the arm that moves as seen from the other one.
+    between : array of bool (k, p)
+        Which joints move it.
+    """
+
+    first: np.ndarray
+    second: np.ndarray
+    is_own: np.ndarray
+    moving: np.ndarray
+    between: np.ndarray
+
+
+class _Turning(NamedTuple):
+    """A straight move.
+
+    Attributes
+    ----------
+    turn : array (k,)
+        By how much each joint turns, rad.
+    levers : array (k, b)
+        The largest distance of a point of each body from each joint's axis in any configuration, mm.
+    behind : array (k, b)
+        By how much the joints behind change that distance on the whole turn, at most, mm.
+    required, others : array (p,)
+        The distances that pairs must keep, and how far the other body of each moves, mm.
+    """
+
+    turn: np.ndarray
+    levers: np.ndarray
+    behind: np.ndarray
+    required: np.ndarray
+    others: np.ndarray
+
+
+@njit(error_model="numpy")
+def _approaches(
+    frames: np.ndarray,
+    reach: np.ndarray,
+    spheres: _Spheres,
+    boxes: StandingBoxes,
+    pairs: _Pairs,
+    turning: _Turning,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return which share of a turn keeps each pair apart from frames (n, k + 1, 4, 4), by spheres (n, p), at least.
+
+    Then the motions (n, p): how far a pair moves against each other on the whole turn, at most, mm, where no more than
+    a share of the turn, ``reach`` (n,), is driven. Then the least share of all pairs, and of ``reach`` (n,).
+    """
+    n_pairs = len(pairs.first)
+    shares = np.empty((len(frames), n_pairs))
+    together = reach.copy()
+    motions = np.empty((len(frames), n_pairs))
+    placed = np.empty_like(spheres.centres)
+    moved = np.empty(turning.levers.shape)
+    for row in range(len(frames)):
+        for body in range(len(spheres.segments)):
+            frame = frames[row, spheres.segments[body]]
+            for k in range(spheres.starts[body], spheres.starts[body + 1]):
+                _carry(frame, spheres.centres[k], placed[k])
+        _motions_of(frames[row], reach[row], spheres, turning, moved)
+        for pair in range(n_pairs):
+            if pairs.is_own[pair]:
+                gap = _least_gap(placed, spheres, pairs.first[pair], pairs.second[pair])
+            else:
+                gap = _least_outside(placed, spheres, boxes, pairs.first[pair], pairs.second[pair])
+            total = 0.0
+            for joint in range(len(turning.turn)):
+                if pairs.between[joint, pair]:
+                    total += moved[joint, pairs.moving[pair]]
+            total += turning.others[pair]
+            motions[row, pair] = total
+            # pairs that do not move against each other are as near as they were
+            shares[row, pair] = (gap - turning.required[pair]) / total if total > 0 else np.inf
+            together[row] = min(together[row], shares[row, pair])
+    return shares, motions, together
+
+
+@njit(error_model="numpy")
+def _carry(frame: np.ndarray, point: np.ndarray, moved: np.ndarray) -> None:
+    """Write a point (3,) moved by a pose (4, 4)."""
+    for i in range(3):
+        turned = frame[i, 0] * point[0] + frame[i, 1] * point[1] + frame[i, 2] * point[2]
+        moved[i] = turned + frame[i, 3]
+
+
+@njit(error_model="numpy")
+def _least_gap(placed: np.ndarray, spheres: _Spheres, first: int, second: int) -> float:
+    """Return the least gap between the spheres of two bodies, for their centres (s, 3), mm."""
+    nearest = np.inf
+    for i in range(spheres.starts[first], spheres.starts[first + 1]):
+        for j in range(spheres.starts[second], spheres.starts[second + 1]):
+            x = placed[i, 0] - placed[j, 0]
+            y = placed[i, 1] - placed[j, 1]
+            z = placed[i, 2] - placed[j, 2]
+            gap = np.sqrt(x * x + y * y + z * z) - (spheres.radii[i] + spheres.radii[j])
+            nearest = min(nearest, gap)
+    return nearest
+
+
+@njit(error_model="numpy")
+def _least_outside(
+    placed: np.ndarray, spheres: _Spheres, boxes: StandingBoxes, body: int, box: int
+) -> float:
+    """Return the least gap between the spheres of a body, at (s, 3), and the box about one that stands still, mm."""
+    nearest = np.inf
+    turn = boxes.turns[box]
+    for k in range(spheres.starts[body], spheres.starts[body + 1]):
+        square = 0.0
+        for i in range(3):
+            at = turn[i, 0] * placed[k, 0] + turn[i, 1] * placed[k, 1] + turn[i, 2] * placed[k, 2]
+            at += boxes.shifts[box, i]
+            outside = max(max(boxes.lows[box, i] - at, at - boxes.highs[box, i]), 0.0)
+            square += outside * outside
+        nearest = min(nearest, np.sqrt(square) - spheres.radii[k])
+    return nearest
+
+
+@njit(error_model="numpy")
+def _motions_of(
+    frames: np.ndarray, reach: float, spheres: _Spheres, turning: _Turning, moved: np.ndarray
+) -> None:
+    """Write how far each joint moves each body on the whole turn (k, b), at most, mm, in frames (k + 1, 4, 4)."""
+    middle = np.empty(3)
+    for body in range(len(spheres.segments)):
+        _carry(frames[spheres.segments[body]], spheres.middles[body], middle)
+        for joint in range(len(turning.turn)):
+            frame = frames[joint + 1]
+            x = middle[0] - frame[0, 3]
+            y = middle[1] - frame[1, 3]
+            z = middle[2] - frame[2, 3]
+            along = x * frame[0, 2] + y * frame[1, 2] + z * frame[2, 2]
+            x -= along * frame[0, 2]
+            y -= along * frame[1, 2]
+            z -= along * frame[2, 2]
+            now = np.sqrt(x * x + y * y + z * z) + spheres.sizes[body]
+            lever = min(turning.levers[joint, body], now + reach * turning.behind[joint, body])
+            moved[joint, body] = turning.turn[joint] * lever
 
 
 def static_levers(chain: Chain, arm: Arm) -> np.ndarray:
-    """Return the largest distance (6, b) of a point of each body from each axis before it, mm.
+    """Return the largest distance (k, b) of a point of each body from each axis before it, mm.
 
     Parameters
     ----------
@@ -641,11 +841,11 @@ class TurnedAdvance:
 
         Parameters
         ----------
-        frames : array (n, 7, 4, 4)
+        frames : array (n, k + 1, 4, 4)
             The frames of the joints in the base.
         angles : array (n,)
             Angles of the turntable, rad.
-        turn : array (7,)
+        turn : array (k + 1,)
             The move, rad; the last number is that of the turntable.
         reach : array (n,)
             Shares of it beyond which nothing need be known.

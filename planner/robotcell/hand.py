@@ -36,9 +36,8 @@ from planner.robotcell.bodies import (
 )
 from planner.robotcell.branches import needed
 from planner.robotcell.cell_light import CarriedLight, LightBox
-from planner.robotcell.collisions import HAND, Arm, Moving, PairGroup, bodies_of
+from planner.robotcell.collisions import Arm, Moving, PairGroup, bodies_of
 from planner.robotcell.urdf import (
-    N_JOINTS,
     carry,
     check_pose,
     check_rotations,
@@ -162,16 +161,17 @@ class CameraInHand:
         return result
 
     def parts_at(self, q: np.ndarray, fixturing: str) -> np.ndarray:
-        """Return where the part is in the base (..., 4, 4), for joints (..., 6) or (..., 7)."""
+        """Return where the part is in the base (..., 4, 4), for joints (..., k) and a turntable's angle behind them."""
         if q.ndim > 1:
             return np.array([self.parts_at(row, fixturing) for row in q]).reshape(-1, 4, 4)
         lying = self.fixturings[fixturing]
         if lying.table is None:
             return lying.part2base
-        return compose(lying.table.pose(float(np.sum(q[N_JOINTS:]))), lying.part2base)
+        angle = float(np.sum(q[self.fittings.robot.n_joints :]))
+        return compose(lying.table.pose(angle), lying.part2base)
 
     def cameras_at(self, q: np.ndarray) -> np.ndarray:
-        """Return where the camera is in the base for joints (n, 6)."""
+        """Return where the camera is in the base for joints (n, k)."""
         return compose(self.fittings.robot.forward(q), self.pose)
 
     def tips(self, cam2world: np.ndarray, fixturing: str, angle: float) -> np.ndarray:
@@ -181,7 +181,7 @@ class CameraInHand:
         return compose(camera, invert(self.pose))
 
     def _part2base(self, fixturing: str, angle: float) -> np.ndarray:
-        return self.parts_at(np.append(np.zeros(N_JOINTS), angle), fixturing)
+        return self.parts_at(np.append(np.zeros(self.fittings.robot.n_joints), angle), fixturing)
 
     def hidden_by(
         self, cam2world: np.ndarray, segments: np.ndarray, fixturing: str, angle: float
@@ -355,15 +355,16 @@ class PartInHand:
 
     def _carried(self, name: str) -> list[Moving]:
         """Return the gripper and the part as they move with the flange."""
-        tip = self.fittings.robot.chain.tip
+        robot = self.fittings.robot
+        tip = robot.chain.tip
         bodies = []
         for body in self._grippers[name]:
             corners = carry(compose(tip, body.pose), body.shape.corners)
-            bodies.append(Moving(body.name, HAND, hull_of(corners, "gripper"), True))
+            bodies.append(Moving(body.name, robot.n_joints, hull_of(corners, "gripper"), True))
         if self.part is not None:
             pose = compose(tip, self.fixturings[name].part2flange)
             placed = carry(pose, self.part.shape.corners)
-            bodies.append(Moving("part", HAND, hull_of(placed, "part"), True))
+            bodies.append(Moving("part", robot.n_joints, hull_of(placed, "part"), True))
         return bodies
 
     def with_part(self, part: Standing) -> PartInHand:
@@ -385,8 +386,8 @@ class PartInHand:
         raise RobotError.of_rule("cell", rule, "a part in the hand")
 
     def parts_at(self, q: np.ndarray, fixturing: str) -> np.ndarray:
-        """Return where the part is in the base (..., 4, 4), for joints (..., 6)."""
-        flange = self.fittings.robot.forward(q[..., :N_JOINTS])
+        """Return where the part is in the base (..., 4, 4), for joints (..., k)."""
+        flange = self.fittings.robot.forward(q[..., : self.fittings.robot.n_joints])
         return compose(flange, self.fixturings[fixturing].part2flange)
 
     def cameras_at(self, q: np.ndarray) -> np.ndarray:
@@ -570,15 +571,17 @@ def check_hand_eye(value: Any) -> np.ndarray:
 
 
 def check_home(home: Any, robot: Robot) -> np.ndarray | None:
-    """Return joints (6,) within limits, or None."""
+    """Return joints (k,) within limits, or None."""
     if home is None:
         return None
     try:
         q = np.array(home, dtype=np.float64)
     except (TypeError, ValueError):
         q = np.empty(0)
-    if q.shape != (N_JOINTS,) or not np.isfinite(q).all():
-        raise RobotError.of_rule("home", "must be six finite angles in rad", shown(home))
+    if q.shape != (robot.n_joints,) or not np.isfinite(q).all():
+        raise RobotError.of_rule(
+            "home", f"must be {robot.n_joints} finite angles in rad", shown(home)
+        )
     for number, joint in enumerate(robot.joints):
         if not joint.lower <= q[number] <= joint.upper:
             rule = f"must be within the limits of joint {number + 1}"
@@ -676,7 +679,7 @@ def pairs_by_design(robot: Robot, arm: Arm) -> list[tuple[int, int]]:
     """
     if robot in _BY_DESIGN:
         return _BY_DESIGN[robot]
-    drawn = np.random.default_rng(0).random((_DRAWS, N_JOINTS))
+    drawn = np.random.default_rng(0).random((_DRAWS, robot.n_joints))
     pairs = []
     for pair in arm.own_pairs:
         first, second = (arm.bodies[number] for number in pair)
@@ -695,7 +698,7 @@ def arm_with_mount(robot: Robot, bodies: Sequence[Moving], clearance_mm: float) 
     before that on the last two. A pair need keep no clearance if it never has it. Nor need it if only the last joint
     moves it, and never to a touch. It must not touch.
     """
-    arm = Arm(bodies)
+    arm = Arm(bodies, robot.n_joints)
     for pair in arm.own_pairs:
         segments = [arm.bodies[number].segment for number in pair]
         between = max(segments) - min(segments)
@@ -710,9 +713,9 @@ def _mounted_mm(robot: Robot, arm: Arm, pair: tuple[int, int], clearance_mm: flo
     """Return the least distance over the last joints that a mount leaves a pair, mm; None if it keeps the clearance."""
     between = abs(arm.bodies[pair[0]].segment - arm.bodies[pair[1]].segment)
     steps = np.linspace(0.0, 1.0, _MOUNT_STEPS[between - 1])
-    shares = np.full((len(steps) ** between, N_JOINTS), 0.5)
+    shares = np.full((len(steps) ** between, robot.n_joints), 0.5)
     grid = np.meshgrid(*[steps] * between)
-    shares[:, N_JOINTS - between :] = np.stack([axis.ravel() for axis in grid], axis=1)
+    shares[:, robot.n_joints - between :] = np.stack([axis.ravel() for axis in grid], axis=1)
     frames = robot.chain.frames(_drawn_joints(robot, shares))
     group = PairGroup(arm, (), (), [pair], 0.0)
     far = group.bounds(frames)[:, 0] >= clearance_mm
@@ -725,7 +728,7 @@ def _mounted_mm(robot: Robot, arm: Arm, pair: tuple[int, int], clearance_mm: flo
 
 
 def _drawn_joints(robot: Robot, shares: np.ndarray) -> np.ndarray:
-    """Return joints (n, 6) that are shares of their ranges, a turn at most."""
+    """Return joints (n, k) that are shares of their ranges, a turn at most."""
     lower = np.maximum(robot.lower, -np.pi)
     upper = np.minimum(robot.upper, np.pi)
     return np.asarray(lower + (upper - lower) * shares)
@@ -744,14 +747,14 @@ def _never_touch(robot: Robot, arm: Arm, pair: tuple[int, int]) -> bool:
     if second != first + 2:
         return False
     steps = (np.arange(_GRID) + 0.5) / _GRID
-    shares = np.full((_GRID**2, N_JOINTS), 0.5)
+    shares = np.full((_GRID**2, robot.n_joints), 0.5)
     shares[:, first] = np.repeat(steps, _GRID)
     shares[:, first + 1] = np.tile(steps, _GRID)
     return not any(_touches(robot, arm, pair, shares))
 
 
 def _touches(robot: Robot, arm: Arm, pair: tuple[int, int], shares: np.ndarray) -> Iterator[bool]:
-    """Yield whether a pair touches; joints are shares (n, 6) of their ranges, a turn at most."""
+    """Yield whether a pair touches; joints are shares (n, k) of their ranges, a turn at most."""
     frames = robot.chain.frames(_drawn_joints(robot, shares))
     group = PairGroup(arm, (), (), [pair], 0.0)
     for row, near in enumerate(group.bounds(frames)[:, 0] <= 0):

@@ -7,6 +7,7 @@ by branch.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,8 +18,9 @@ import numpy as np
 
 from ground.short_repr import short_repr
 from planner.robotcell.arm import Robot
-from planner.robotcell.collisions import HAND, Advance, Surroundings
-from planner.robotcell.urdf import N_JOINTS, carry, compose, invert
+from planner.robotcell.branches import SIX
+from planner.robotcell.collisions import Advance, Surroundings
+from planner.robotcell.urdf import carry, compose, invert
 
 _AT_ONCE = 2048
 TOO_FAR = "beyond the arm's reach"
@@ -28,6 +30,7 @@ CONSTANT_MM = 1.0
 """Two bodies whose distance changes by no more than this are equally near at all joints, mm."""
 
 _FIRST_ANGLES = 24
+_NEAR_LIMIT_RAD = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,15 +39,18 @@ class PoseReach:
 
     Attributes
     ----------
-    branches : array (k, 6), or (k, 7) on a turntable
-        Joints that reach it without collision, the nearest to home first, rad. The seventh number
-        is the angle of the turntable.
+    branches : array (m, k), or (m, k + 1) on a turntable
+        Joints that reach it without collision, the nearest to home first, rad. On a turntable its
+        angle is the last number.
     why : str
         Why there are none; empty if there are.
+    on_turntable : bool
+        Whether the last number is the angle of a turntable.
     """
 
     branches: np.ndarray
     why: str = ""
+    on_turntable: bool = False
 
     @property
     def reached(self) -> bool:
@@ -53,13 +59,18 @@ class PoseReach:
 
     @property
     def joints(self) -> np.ndarray:
-        """The joints (k, 6) of the robot alone."""
-        return self.branches[:, :N_JOINTS]
+        """The joints (m, k) of the robot alone."""
+        return self.branches[:, :-1] if self.on_turntable else self.branches
+
+    @property
+    def angle_deg(self) -> float | None:
+        """The angle of the turntable at the first joints, degrees; None without one."""
+        return angle_deg(float(self.branches[0, -1])) if self.on_turntable else None
 
     def with_angle(self, angle: float) -> PoseReach:
         """Return the same with the angle of a turntable behind the joints."""
         angles = np.full((len(self.branches), 1), angle)
-        return PoseReach(np.concatenate([self.joints, angles], axis=1), self.why)
+        return PoseReach(np.concatenate([self.joints, angles], axis=1), self.why, True)
 
 
 class ArmAt(NamedTuple):
@@ -68,7 +79,7 @@ class ArmAt(NamedTuple):
     Attributes
     ----------
     joints : tuple of float
-        Six, rad.
+        Of the robot, rad.
     clearance_mm : float
         Distance of the closest two bodies.
     closest : str
@@ -98,7 +109,7 @@ class Reacher:
         The arm.
     around : Surroundings
         What may be touched.
-    rest : array (6,)
+    rest : array (k,)
         Joints that branches are compared with: the nearest comes first.
     """
 
@@ -138,7 +149,7 @@ class Reacher:
         q = q[order]
         owner = owner[order]
         is_free, blockers = self._free_branches(q, owner, all_branches)
-        branches = [np.empty((0, 6)) for _ in flanges]
+        branches = [np.empty((0, self._robot.n_joints)) for _ in flanges]
         starts = np.searchsorted(owner, np.arange(len(rows) + 1))
         for pose, first, end in zip(rows, starts, starts[1:], strict=False):
             branches[pose] = q[first:end][is_free[first:end]]
@@ -150,7 +161,7 @@ class Reacher:
     def _free_branches(
         self, q: np.ndarray, owner: np.ndarray, all_branches: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return which branches (m, 6) are free, and the pair that blocks each other one.
+        """Return which branches (m, k) are free, and the pair that blocks each other one.
 
         Without `all_branches` what comes behind the first free one of a pose is left out. One branch of every pose is
         looked at together, then the next of those without a free one.
@@ -176,8 +187,8 @@ class Reacher:
     def _keep_free_hands(self, flanges: np.ndarray, rows: np.ndarray, why: list[str]) -> np.ndarray:
         """Return the numbers of poses whose hand touches nothing that stands still."""
         group = self._around.hand
-        frames = np.zeros((len(rows), HAND + 1, 4, 4))
-        frames[:, HAND] = compose(flanges[rows], self._tip2hand)
+        frames = np.zeros((len(rows), self._robot.n_joints + 1, 4, 4))
+        frames[:, -1] = compose(flanges[rows], self._tip2hand)
         bounds = group.bounds(frames)
         is_free = np.ones(len(rows), dtype=bool)
         for row in np.flatnonzero(group.open_rows(bounds)):
@@ -199,12 +210,19 @@ class Reacher:
             why[i] = LIMITS if is_limit else NO_BRANCH
 
     def _nearest_first(self, q: np.ndarray, owner: np.ndarray) -> np.ndarray:
-        """Return an order of branches: by pose, then by the time from the rest to them."""
-        seconds = (np.abs(q - self._near_joints) / self._robot.speeds).max(axis=1, initial=0.0)
-        return np.lexsort((np.round(seconds, 6), owner))
+        """Return an order of branches: by pose, then by the time from the rest to them.
+
+        Of seven joints, those near a limit come last, since their curve goes on.
+        """
+        robot = self._robot
+        seconds = (np.abs(q - self._near_joints) / robot.speeds).max(axis=1, initial=0.0)
+        is_late = np.zeros(len(q), dtype=bool)
+        if robot.n_joints > SIX:
+            is_late = robot.to_limit_rad(q) < _NEAR_LIMIT_RAD
+        return np.lexsort((np.round(seconds, 6), is_late, owner))
 
     def free(self, q: np.ndarray) -> np.ndarray:
-        """Return which joints (n, 6) keep the clearance and their limits (n,)."""
+        """Return which joints (n, k) keep the clearance and their limits (n,)."""
         within = self._robot.to_limit_rad(q) >= 0
         frames = self._robot.chain.frames(q)
         group = self._around.all
@@ -235,9 +253,9 @@ class Reacher:
 
         Parameters
         ----------
-        q : array, shape (n, 6)
+        q : array, shape (n, k)
             Joints, rad.
-        turn : array, shape (6,)
+        turn : array, shape (k,)
             A straight move in joints, rad.
         reach : array, shape (n,)
             Largest shares of it that are of interest.
@@ -253,7 +271,7 @@ class Reacher:
         return self.advance.shares(self._robot.chain.frames(q), turn, reach, kept)
 
     def shapes(self, q: np.ndarray) -> list[tuple[str, bool, np.ndarray, np.ndarray]]:
-        """Return everything at joints (6,): name, whether it moves, corners in the base, triangles."""
+        """Return everything at joints (k,): name, whether it moves, corners in the base, triangles."""
         frames = self._robot.chain.frames(q[None])[0]
         group = self._around.all
         moving = [
@@ -269,7 +287,7 @@ class Reacher:
     def closest(
         self, q: np.ndarray, links_mm: float, with_constant: bool = False
     ) -> tuple[float, str, str]:
-        """Return the distance of the closest two bodies, and their names, for joints (6,).
+        """Return the distance of the closest two bodies, and their names, for joints (k,).
 
         Of the arm's own pairs those count that are nearer than `links_mm`. Pairs that are equally near at all joints
         count `with_constant` only.
@@ -320,7 +338,7 @@ class Reacher:
         return (self.constant_pairs[pair], *self._around.all.names(pair))
 
     def blocked_by(self, q: np.ndarray) -> str:
-        """Return what is wrong with joints (6,) in words; empty if nothing is."""
+        """Return what is wrong with joints (k,) in words; empty if nothing is."""
         robot = self._robot
         for number, joint in enumerate(robot.joints):
             if not joint.lower <= q[number] <= joint.upper:
@@ -360,17 +378,19 @@ def over_angles(
         Whether to ask for further angles where one has been found.
     """
     branches: list[list[np.ndarray]] = [[] for _ in range(count)]
+    width = 0
     reasons: list[list[str]] = [[] for _ in range(count)]
     for angle in angles:
         rows = np.array([k for k in range(count) if all_branches or not branches[k]], dtype=int)
         for k, pose in zip(rows, reach_at(angle, rows), strict=True):
+            width = pose.branches.shape[1] + 1
             if pose.reached:
                 branches[k].append(pose.with_angle(angle).branches)
             else:
                 reasons[k].append(pose.why)
-    nothing = np.empty((0, N_JOINTS + 1))
+    nothing = np.empty((0, width))
     return [
-        PoseReach(np.concatenate([nothing, *joints]), "" if joints else most_often(why))
+        PoseReach(np.concatenate([nothing, *joints]), "" if joints else most_often(why), True)
         for joints, why in zip(branches, reasons, strict=True)
     ]
 
@@ -495,25 +515,22 @@ def _values(pose: PoseReach) -> dict[str, Any]:
     """Return the first joints of a pose as plain values, or why there are none."""
     if not pose.reached:
         return {"why": pose.why}
-    angle = angle_deg(pose.branches[0])
+    angle = pose.angle_deg
     return {
         "joints_rad": pose.joints[0].tolist(),
         **({} if angle is None else {"angle_deg": angle}),
     }
 
 
-def angle_deg(branch: np.ndarray) -> float | None:
-    """Return the angle of the turntable behind joints (6,) or (7,), degrees; None without one."""
-    if len(branch) == N_JOINTS:
-        return None
-    # a turn divided by a whole number gives no more digits
-    return round(float(np.degrees(branch[N_JOINTS])), 9) + 0.0
+def angle_deg(angle: float) -> float:
+    """Return the angle of a turntable, rad, in degrees: a turn divided by a whole number gives no more digits."""
+    return round(math.degrees(angle), 9) + 0.0
 
 
 def _words(pose: PoseReach) -> str:
     if not pose.reached:
         return pose.why
     degrees = np.round(np.degrees(pose.joints[0]), 1) + 0.0
-    angle = angle_deg(pose.branches[0])
+    angle = pose.angle_deg
     turned = "" if angle is None else f"table {angle:g}°: "
     return turned + " ".join(f"{angle:.1f}" for angle in degrees)

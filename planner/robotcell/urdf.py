@@ -156,9 +156,9 @@ def check_pose(name: str, value: Any) -> np.ndarray:
 _MM = 1000.0
 _TURNS = ("revolute", "continuous")
 _LONGEST_M = 50.0
-_SPEEDS_HINT = "a cell file states it in [robot] as speeds, in rad/s: one number or six"
-N_JOINTS = 6
-"""Joints of an arm."""
+_SPEEDS_HINT = "a cell file states it in [robot] as speeds, in rad/s: one number, or one a joint"
+JOINT_COUNTS = (6, 7)
+"""Joints that an arm may have."""
 
 PENDANT = "base"
 """Link in whose frame a controller counts poses, by the convention of ROS-Industrial."""
@@ -219,7 +219,7 @@ class UrdfArm:
     name : str
         Name of the robot.
     joints : tuple of UrdfJoint
-        Six, from the base to the tip.
+        Six or seven, from the base to the tip.
     tip : array (4, 4)
         Frame of the tip in that of the last joint.
     segments : tuple of str
@@ -327,13 +327,14 @@ def read_urdf(
         Link the camera is fixed to.
     base : str, optional
         Link whose frame is the robot's base. Default: ``base_link`` where there is one, otherwise the first link.
-    speeds : array (6,), optional
+    speeds : array (), (6,) or (7,), optional
         Largest speeds of the joints, rad/s. Default: those of the file.
 
     Raises
     ------
     RobotError
-        The text is no URDF, a link is missing, or the chain is no arm of six turning joints with limits and speeds.
+        The text is no URDF, a link is missing, or the chain is no arm of six or seven turning joints with limits and
+        speeds.
     """
     tree = _Tree(_root(text))
     for parameter, link in (("tip", tip), ("base", base)):
@@ -345,13 +346,14 @@ def read_urdf(
     moving = [joint for joint in chain if joint.get("type") != "fixed"]
     _check_moving(moving, tip)
     tree.check_mimics(chain)
+    rates = None if speeds is None else rate_of_each("speeds", np.asarray(speeds), len(moving))
     links = _bodies(tree, chain, moving)
     base = _base(base, tree, links[0])
     links[0] = _seen_from(links[0], base)
     joints = []
     for number, (before, joint) in enumerate(zip(links, moving, strict=False)):
         origin = compose(before[_end(joint, "parent")], _origin(joint))
-        joints.append(_moving_joint(joint, origin, None if speeds is None else speeds[number]))
+        joints.append(_moving_joint(joint, origin, None if rates is None else rates[number]))
     _check_size(joints, links[-1][tip])
     notes: list[str] = []
     shapes = tuple(
@@ -444,17 +446,25 @@ def _is_unexpanded(element: ElementTree.Element) -> bool:
 
 
 def _check_moving(moving: list[ElementTree.Element], tip: str) -> None:
-    """Raise unless the chain has six turning joints."""
+    """Raise unless the chain has six or seven turning joints."""
     for number, joint in enumerate(moving, start=1):
         kind = joint.get("type")
         if kind not in _TURNS:
             raise RobotError.of_rule(
                 "urdf", f"must turn in every joint to {tip!r}", f"{kind} for joint {number}"
             )
-    if len(moving) != N_JOINTS:
-        rule = f"must have six joints between base and {tip!r}"
+    if len(moving) not in JOINT_COUNTS:
+        rule = f"must have six or seven joints between base and {tip!r}"
         names = ", ".join(map(_name, moving))
         raise RobotError.of_rule("urdf", rule, f"{len(moving)}: {names}")
+
+
+def rate_of_each(name: str, values: np.ndarray, count: int) -> np.ndarray:
+    """Return one number for each joint (k,), of a single number or of as many as there are joints."""
+    if values.shape not in ((), (count,)):
+        rule = f"must be one number, or one for each of the {count} joints"
+        raise RobotError.of_rule(name, rule, f"{len(values)}")
+    return np.array(np.broadcast_to(values, count))
 
 
 def _moving_joint(joint: ElementTree.Element, origin: np.ndarray, speed: float | None) -> UrdfJoint:

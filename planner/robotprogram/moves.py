@@ -69,6 +69,8 @@ class FixturedArm:
     def free_shares(self, joints: np.ndarray, turn: np.ndarray, reach: np.ndarray) -> np.ndarray:
         """Return which share of a turn (k,) is free to both sides of joints (n, k): at most reach (n,)."""
         shares = self.cell.free_shares(joints, turn, reach, KEPT_SHARE, fixturing=self.fixturing)
+        if not self.cell.robot.controller.limits:
+            return shares
         return np.minimum(shares, self._within_axes(joints, turn))
 
     def _within_axes(self, joints: np.ndarray, turn: np.ndarray) -> np.ndarray:
@@ -121,7 +123,7 @@ def check_move(space: FixturedArm, start: np.ndarray, end: np.ndarray) -> MoveCh
     open_parts = np.array([[0.0, 1.0]])
     n_poses = 0
     while len(open_parts):
-        middles = open_parts.mean(axis=1)
+        middles = (open_parts[:, 0] + open_parts[:, 1]) / 2
         halves = (open_parts[:, 1] - open_parts[:, 0]) / 2
         shares = space.free_shares(start + middles[:, None] * turn, turn, halves)
         n_poses += len(middles)
@@ -134,9 +136,12 @@ def check_move(space: FixturedArm, start: np.ndarray, end: np.ndarray) -> MoveCh
 
 def _left_open(parts: np.ndarray, middles: np.ndarray, shares: np.ndarray) -> np.ndarray:
     """Return what the middles do not prove: up to two parts of each."""
-    before = np.stack([parts[:, 0], middles - shares], axis=1)
-    after = np.stack([middles + shares, parts[:, 1]], axis=1)
-    both = np.concatenate([before, after])
+    n = len(parts)
+    both = np.empty((2 * n, 2))
+    both[:n, 0] = parts[:, 0]
+    both[:n, 1] = middles - shares
+    both[n:, 0] = middles + shares
+    both[n:, 1] = parts[:, 1]
     # what rounding leaves of a part is less than any share that is asked for
     return both[both[:, 1] - both[:, 0] > 1e-12]
 
@@ -724,7 +729,7 @@ class TourChecker:
         return tuple(move for leg in legs if (move := self._moves[leg]) is not None)
 
 
-# Which of many branches a round chooses from: on a turntable a setting may have two hundred.
+# Which of many branches a round chooses from: on a turntable, or with seven joints, a setting may have two hundred.
 
 
 _MOST = 24
@@ -732,7 +737,7 @@ _MOST_IN_LONG_ROUNDS = 12
 
 
 def few_branches(
-    branches: Sequence[np.ndarray], home: np.ndarray, rates: JointRates
+    branches: Sequence[np.ndarray], home: np.ndarray, rates: JointRates, *, turns: bool
 ) -> list[np.ndarray]:
     """Return at most 24 branches of each setting, in rounds of more than 10 settings at most 12.
 
@@ -742,13 +747,17 @@ def few_branches(
     Parameters
     ----------
     branches : sequence of array (b, k)
-        Of each setting; the last number is the angle of the turntable.
+        Of each setting.
     home : array (k,)
         Joints at which the round begins and ends, rad.
     rates : JointRates
         Of all of them.
+    turns : bool
+        Whether the last number of a branch is the angle of a turntable.
     """
-    preferred = common_angles([set(group[:, -1].tolist()) for group in branches])
+    preferred: list[float] = []
+    if turns:
+        preferred = common_angles([set(group[:, -1].tolist()) for group in branches])
     limit = _MOST if len(branches) <= EXACT_UP_TO else _MOST_IN_LONG_ROUNDS
     result = []
     for group in branches:

@@ -19,7 +19,6 @@ from planner.request.reach import StatedRegion
 from planner.resolve_request import problem_on, resolve_request
 from planner.robotcell.cell import CellRegion, reachability_of
 from planner.robotcell.reachability import angle_deg
-from planner.robotcell.urdf import N_JOINTS
 from planner.robotprogram.program import (
     NEAR_LIMIT_RAD,
     NEAR_SINGULAR,
@@ -337,7 +336,7 @@ class OtherPoses:
     ) -> OtherSetting | None:
         """Return the nearest other pose for setting k that is reached in some fixturings; None if none was found.
 
-        ``accepts(branch, fixturing)`` says whether joints (6,) or (7,) are good enough. Default: all are.
+        ``accepts(branch, fixturing)`` says whether joints (k,) or (k + 1,) are good enough. Default: all are.
         """
         poses = self._equivalents.poses(k)
         # near ones and far ones: what is not reached from one side is from another
@@ -510,7 +509,7 @@ def _better(
     robot = cell.robot
 
     def is_good(q: np.ndarray, fixturing: str) -> bool:
-        joints = q[None, :N_JOINTS]
+        joints = q[None, : robot.n_joints]
         far = robot.to_limit_rad(joints)[0] >= NEAR_LIMIT_RAD
         return bool(far and robot.singular_value(joints)[0] >= NEAR_SINGULAR)
 
@@ -542,6 +541,7 @@ def as_driven(plan: InspectionPlan, made: RobotProgram, cell: Cell) -> Inspectio
     """Return a plan whose settings state how a program drives to them; one that is not driven states nothing."""
     stops = {stop.setting_idx: (tour, stop) for tour in made.tours for stop in tour.stops}
     settings = []
+    n_joints = cell.robot.n_joints
     for k, setting in enumerate(plan.settings):
         if k not in stops:
             blank = replace(setting, fixturing="", joints=(), angle_deg=None, arm={})
@@ -552,8 +552,10 @@ def as_driven(plan: InspectionPlan, made: RobotProgram, cell: Cell) -> Inspectio
             replace(
                 setting,
                 fixturing=tour.fixturing,
-                joints=tuple(stop.joints[:N_JOINTS].tolist()),
-                angle_deg=angle_deg(stop.joints),
+                joints=tuple(stop.joints[:n_joints].tolist()),
+                angle_deg=angle_deg(float(stop.joints[-1]))
+                if stop.joints[n_joints:].size
+                else None,
                 arm=_arm(stop),
             )
         )

@@ -504,7 +504,7 @@ class RobotProgram:
             "version": VERSION,
             "units": dict(_UNITS),
             "seconds": sum(tour.seconds for tour in self.tours),
-            "controller": ControllerAxes(self.coupled, self.axis_limits),
+            "controller": ControllerAxes(self.coupled, self.axis_limits, len(self.joint_names)),
         }
         for name, value in derived.items():
             object.__setattr__(self, name, value)

@@ -53,9 +53,6 @@ from planner.sensor_setting import image_name
 # What every program does, in no maker's language: moves, images, and what stands at its head.
 
 
-N_AXES = 6
-"""Joints of the robot; behind them may be the angle of a turntable."""
-
 LEAST_SPEEDS = {"krl": 0.01}
 """Least share of the speeds that a language can say, where that is more than `LEAST_SPEED`: KRL has whole percents."""
 
@@ -387,6 +384,13 @@ def _number(value: float, decimals: int) -> str:
     return text.removeprefix("-") if float(text) == 0.0 else text
 
 
+def _check_six_axes(program: RobotProgram, language: str) -> None:
+    """Raise if an arm has more joints than a language drives."""
+    if len(program.joint_names) > SIX_AXES:
+        rule = f"must be rapid, ros, csv or json for an arm of {len(program.joint_names)} joints"
+        raise RequestError.of_rule("format", rule, repr(language))
+
+
 # KRL for KUKA controllers: point-to-point moves by axis angles.
 
 
@@ -432,7 +436,13 @@ def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
         Trigger and answer of the camera.
     made : date
         The day, for the head.
+
+    Raises
+    ------
+    RequestError
+        If the arm has seven joints, which KRL does not drive.
     """
+    _check_six_axes(program, "krl")
     percent = max(1, math.floor(100 * program.speed + 1e-9))
     lines = [
         f"DEF {_KRL_NAME}( )",
@@ -455,7 +465,7 @@ def _axes(joints: np.ndarray) -> str:
 
 def _named(joints: np.ndarray) -> list[tuple[str, str]]:
     """Return the axes with their angles in degrees; a turntable is E1."""
-    names = [*(f"A{k}" for k in range(1, N_AXES + 1)), "E1"]
+    names = ["A1", "A2", "A3", "A4", "A5", "A6", "E1"]
     return list(zip(names, degrees(joints), strict=False))
 
 
@@ -553,6 +563,24 @@ def _home_check(home: np.ndarray, tolerance: str) -> list[str]:
 
 _NO_AXIS = "9E9"
 _N_EXTERNAL = 6
+SIX_AXES = 6
+"""Axes of the robot in a target of RAPID; a seventh one and a turntable are external axes behind them."""
+# of a YuMi, joint 3 is eax_a: its axis 7 is between axes 2 and 3
+_SEVENTH = 2
+
+
+def from_rapid_order(axes: np.ndarray) -> np.ndarray:
+    """Return joints (k,) of an arm of seven from the base to the tip, of RAPID's axes with the external ones behind."""
+    seventh = axes[SIX_AXES : SIX_AXES + 1]
+    return np.concatenate([axes[:_SEVENTH], seventh, axes[_SEVENTH:SIX_AXES], axes[SIX_AXES + 1 :]])
+
+
+def _in_rapid_order(joints: np.ndarray, n_joints: int) -> np.ndarray:
+    """Return RAPID's axes 1 to 6, and behind them the external ones, of joints from the base to the tip."""
+    if n_joints == SIX_AXES:
+        return joints
+    others = [joints[:_SEVENTH], joints[_SEVENTH + 1 : n_joints]]
+    return np.concatenate([*others, joints[_SEVENTH : _SEVENTH + 1], joints[n_joints:]])
 
 
 def rapid_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
@@ -568,8 +596,9 @@ def rapid_text(program: RobotProgram, signals: CameraSignals, made: date) -> str
         The day, for the head.
     """
     home = np.append(program.home, 0.0) if program.turns else program.home
+    n_joints = len(program.joint_names)
     targets = [
-        f"  CONST jointtarget jHome:={_target(program.controller.of(home))};",
+        f"  CONST jointtarget jHome:={_target(program.controller.of(home), n_joints)};",
         # of the tool in mm/s and degrees/s; the other numbers are of external axes
         "  CONST speeddata vHome:=[100,5,100,5];",
     ]
@@ -581,7 +610,7 @@ def rapid_text(program: RobotProgram, signals: CameraSignals, made: date) -> str
         *(f"  ! {line}" for line in head_lines(program, made, quaternion_words)),
         f"  ! doCamera is digital output {signals.trigger_output}, diCamera is digital input {signals.ready_input}.",
         "  ! Replace tool0 by a tool with the mass of the camera.",
-        *(["  ! eax_a is the turntable; at 0 the part is put on it."] if program.turns else []),
+        *(f"  ! {line}" for line in _external_lines(program)),
         *targets,
         "  PROC main()",
         *body,
@@ -593,11 +622,27 @@ def rapid_text(program: RobotProgram, signals: CameraSignals, made: date) -> str
     return "\n".join(lines) + "\n"
 
 
-def _target(joints: np.ndarray) -> str:
-    """Return a target; the angle of a turntable is the first external axis."""
-    angles = degrees(joints)
-    external = [*angles[N_AXES:], *[_NO_AXIS] * _N_EXTERNAL][:_N_EXTERNAL]
-    return f"[[{','.join(angles[:N_AXES])}],[{','.join(external)}]]"
+def _external_names(program: RobotProgram) -> list[str]:
+    """Return the external axes: the seventh of an arm, then the turntable."""
+    count = len(program.joint_names) - SIX_AXES + program.turns
+    return [f"eax_{letter}" for letter in "ab"[:count]]
+
+
+def _external_lines(program: RobotProgram) -> Iterator[str]:
+    """Yield what the external axes are."""
+    names = _external_names(program)
+    if len(program.joint_names) > SIX_AXES:
+        third = plain(program.joint_names[_SEVENTH], 40)
+        yield f"{names[0]} is axis 7 of the arm, between its axes 2 and 3: joint {third}."
+    if program.turns:
+        yield f"{names[-1]} is the turntable; at 0 the part is put on it."
+
+
+def _target(joints: np.ndarray, n_joints: int) -> str:
+    """Return a target; a seventh axis of the arm is the first external one, the angle of a turntable the next."""
+    angles = degrees(_in_rapid_order(joints, n_joints))
+    external = [*angles[SIX_AXES:], *[_NO_AXIS] * _N_EXTERNAL][:_N_EXTERNAL]
+    return f"[[{','.join(angles[:SIX_AXES])}],[{','.join(external)}]]"
 
 
 def _add_round(
@@ -611,7 +656,8 @@ def _add_round(
     for step in steps_of(tour, program):
         if isinstance(step, Drive):
             name = f"j{len(targets) - 1:04d}"
-            targets.append(f"  CONST jointtarget {name}:={_target(step.axes)};")
+            target = _target(step.axes, len(program.joint_names))
+            targets.append(f"  CONST jointtarget {name}:={target};")
             # the controller drives in no time of 0
             seconds = max(step.seconds, _LEAST_S)
             body.append(f"    MoveAbsJ {name},v1000\\T:={seconds:.3f},fine,tool0;")
@@ -633,8 +679,9 @@ def _go_home(program: RobotProgram) -> list[str]:
     """Return how the robot is driven to home: from near it, or where the operator lets it."""
     tolerance = tolerance_deg(program)
     far = [f"Abs(now.robax.rax_{k}-jHome.robax.rax_{k})>{tolerance}" for k in range(1, 7)]
-    if program.turns:
-        far.append(f"Abs(now.extax.eax_a-jHome.extax.eax_a)>{tolerance}")
+    far += [
+        f"Abs(now.extax.{name}-jHome.extax.{name})>{tolerance}" for name in _external_names(program)
+    ]
     return [
         "  PROC GoHome()",
         "    VAR jointtarget now;",
@@ -890,8 +937,10 @@ def urscript_text(program: RobotProgram, signals: CameraSignals, made: date) -> 
     Raises
     ------
     RequestError
-        If the part lies on a turntable, which URScript does not drive together with the joints.
+        If the part lies on a turntable, which URScript does not drive together with the joints, or
+        the arm has seven joints.
     """
+    _check_six_axes(program, "urscript")
     if program.turns:
         rule = "must be rapid, krl, ros, csv or json for a part on a turntable"
         hint = "URScript drives no external axis together with the joints"

@@ -19,6 +19,7 @@ from planner.progress import Progress, report
 from planner.request.models import EdgeModels
 from planner.request.registration import OWN_EDGES, means_at
 from planner.request.targets import EdgeTarget, targets_of
+from planner.robotcell.branches import SIX
 from planner.robotcell.cell import HeldPartCell, reachability_of
 from planner.robotprogram.moves import (
     KEPT_SHARE,
@@ -33,6 +34,8 @@ from planner.robotprogram.program import (
     LARGEST_TOLERANCE_RAD,
     LEAST_SPEED,
     LEAST_TOLERANCE_RAD,
+    NEAR_LIMIT_RAD,
+    NEAR_SINGULAR,
     ArmState,
     FixturedTour,
     HomeStart,
@@ -695,10 +698,11 @@ class _ProgramMaker:
     def _reach(self, fixturing: str) -> list[_Reached]:
         """Return by which joints the settings are reached in a fixturing."""
         poses = self._reachability.poses[fixturing]
-        branches = [self._near_home(pose.branches) for pose in poses]
-        if self._cell.fixturings[fixturing].table is not None:
+        branches = [self._at_ease(self._near_home(pose.branches)) for pose in poses]
+        turns = self._cell.fixturings[fixturing].table is not None
+        if turns or len(self._home) > SIX:
             rates = self._rates_in(fixturing)
-            branches = few_branches(branches, self._home_in(fixturing), rates)
+            branches = few_branches(branches, self._home_in(fixturing), rates, turns=turns)
         return [
             self._rated(k, group, pose.why, fixturing)
             for k, (group, pose) in enumerate(zip(branches, poses, strict=True))
@@ -741,6 +745,16 @@ class _ProgramMaker:
         """Return home, with the angle 0 of a turntable behind it."""
         turned = self._cell.fixturings[fixturing].table is not None
         return np.append(self._home, 0.0) if turned else self._home
+
+    def _at_ease(self, branches: np.ndarray) -> np.ndarray:
+        """Return the branches of an arm of seven joints far from limits and singularities, or all if there are none."""
+        robot = self._cell.robot
+        if robot.n_joints == SIX:
+            return branches
+        joints = branches[:, : robot.n_joints]
+        is_far = robot.to_limit_rad(joints) >= NEAR_LIMIT_RAD
+        is_far &= robot.singular_value(joints) >= NEAR_SINGULAR
+        return branches[is_far] if is_far.any() else branches
 
     def _near_home(self, branches: np.ndarray) -> np.ndarray:
         """Return the same configurations, each joint at the full turn nearest to home: cables wind least."""

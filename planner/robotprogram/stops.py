@@ -18,13 +18,13 @@ from planner.argument_kinds import shown
 from planner.camera.pose import GivenPose
 from planner.exceptions import PoseFileError, RequestError
 from planner.robotprogram.program import FORMAT, TURNTABLE, program_of
-from planner.robotprogram.program_texts import plain
+from planner.robotprogram.program_texts import SIX_AXES, from_rapid_order, plain
 from planner.sensor_setting import setting_name
 
 if TYPE_CHECKING:
     from planner.robotcell import Cell
 
-_N_JOINTS = 6
+_LEAST_AXES = 6
 
 
 class _Stop(NamedTuple):
@@ -120,14 +120,17 @@ def _pose_of(path: Path, stop: _Stop, cell: Cell, holds_axes: bool) -> GivenPose
             repr(stop.fixturing),
         )
     angles = np.array(stop.angles)
-    if holds_axes:
-        angles = cell.robot.controller.joints(angles)
+    n_joints = cell.robot.n_joints
     turns = len(cell.angles(names[0])) > 1
-    if turns and len(angles) == _N_JOINTS:
+    if turns and len(angles) == n_joints:
         angles = np.append(angles, 0.0)
-    if len(angles) != _N_JOINTS + turns:
-        rule = f"a stop must have {_N_JOINTS + turns} axes in this cell"
+    if len(angles) != n_joints + turns:
+        rule = f"a stop must have {n_joints + turns} axes in this cell"
         _refuse(path, stop.line, rule, str(len(angles)))
+    if holds_axes:
+        if path.suffix.lower() == ".mod" and n_joints > SIX_AXES:
+            angles = from_rapid_order(angles)
+        angles = cell.robot.controller.joints(angles)
     return GivenPose(stop.name, cell.cam2world(angles[None], names[0])[0])
 
 
@@ -235,8 +238,8 @@ def _numbers(path: Path, line: int, words: Sequence[Any]) -> tuple[float, ...]:
         values = [float(word) for word in words]
     except (TypeError, ValueError):
         _refuse(path, line, "a target must hold numbers", shown(", ".join(map(str, words)), str))
-    if len(values) < _N_JOINTS or not np.isfinite(values).all():
-        rule = f"a target must hold {_N_JOINTS} finite axes, and a {TURNTABLE} behind them if there is one"
+    if len(values) < _LEAST_AXES or not np.isfinite(values).all():
+        rule = f"a target must hold {_LEAST_AXES} finite axes, and a {TURNTABLE} behind them if there is one"
         _refuse(path, line, rule, str(len(values)))
     return tuple(values)
 

@@ -394,7 +394,7 @@ def test_hand_eye_calibrations_that_are_none(x, message):
         ({"clearance_mm": -1.0}, "clearance_mm must be finite and not negative"),
         ({"fixturings": {}}, "fixturings must name at least one way the part lies. Got none"),
         ({"fixturings": {"up": np.eye(4)}}, "fixturings must hold a Fixturing for 'up'"),
-        ({"home": [0.0] * 5}, "home must be six finite angles in rad"),
+        ({"home": [0.0] * 5}, "home must be 6 finite angles in rad"),
         (
             {"home": [0, -90, 90, 0, 0, 0]},
             "within the limits of joint 2. Got -90 rad.*; is it in deg",

@@ -65,7 +65,7 @@ CASES = {
     "five joints": (
         "0.0, 90.0, 0.0]\n\n# hand",
         "0.0, 90.0]\n\n# hand",
-        "home_deg must be 6 finite numbers",
+        "home_deg must be 6 or 7 finite numbers",
     ),
     "pose of three rows": (
         "    [0.0, 0.0, 0.0, 1.0],\n",
@@ -99,7 +99,7 @@ CASES = {
     "speeds": (
         "accelerations = 1.4",
         "speeds = 0",
-        "speeds must be a positive number of rad/s, or six. Got 0",
+        "speeds must be a positive number of rad/s, or one for each joint. Got 0",
     ),
     "bodiless links": (
         "accelerations = 1.4",

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from robot_cells import CAM2FLANGE, NAMES, made_cell, made_robot, pose, random_joints, random_pose
 from scipy.optimize import nnls
+from scipy.spatial.transform import Rotation
 
 from planner import Box, Cell, Fixturing, RobotError
 from planner.robotcell.bodies import (
@@ -15,7 +16,7 @@ from planner.robotcell.bodies import (
     standing_bodies,
     surface_of,
 )
-from planner.robotcell.collisions import Arm, Moving, PairGroup, static_levers
+from planner.robotcell.collisions import Advance, Arm, Moving, PairGroup, static_levers
 from planner.robotcell.urdf import carry
 
 CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
@@ -23,7 +24,7 @@ CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], 
 
 def pair(hull, standing, clearance_mm=0.0):
     """Return a group of one moving hull, in frame 6, and one body that stands."""
-    arm = Arm([Moving("link", 6, hull)])
+    arm = Arm([Moving("link", 6, hull)], 6)
     return PairGroup(arm, [standing], [0], [], clearance_mm)
 
 
@@ -118,7 +119,7 @@ def test_a_hollow_is_no_inside():
 
 
 def test_the_closest_of_many_is_found():
-    arm = Arm([Moving("link", 6, hull_of(CUBE, "body"))])
+    arm = Arm([Moving("link", 6, hull_of(CUBE, "body"))], 6)
     names = {f"box {k}": Box((5.0 * k + 2, -1, -1), (5.0 * k + 3, 1, 1)) for k in range(1, 5)}
     group = PairGroup(arm, standing_bodies(names, "obstacle"), [0], [], 10.0)
     frames = frames_at(np.eye(4))
@@ -340,3 +341,56 @@ def test_only_a_closed_surface_has_an_inside():
     assert surface_of(hull.corners, hull.triangles).closed
     assert not surface_of(hull.corners, hull.triangles[1:]).closed
     assert not surface_of(hull.corners, np.concatenate([hull.triangles, hull.triangles[:1]])).closed
+
+
+def turns_about(axis, angle):
+    return Rotation.from_rotvec(np.asarray(axis) * angle).as_matrix()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_frames_are_products_of_poses(name):
+    robot = made_robot(name)
+    q = random_joints(robot, np.random.default_rng(4), 20)
+    for joints, frames in zip(q, robot.chain.frames(q), strict=True):
+        expected = np.eye(4)
+        for k, step in enumerate(robot.chain.steps):
+            expected = expected @ step @ pose(rotation=turns_about([0.0, 0.0, 1.0], joints[k]))
+            np.testing.assert_allclose(frames[k + 1], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_moves_are_bounded_by_the_same_spheres_as_poses(name):
+    """Shares of a move that one joint makes: the compiled loop against distances of spheres, and levers drawn."""
+    cell = made_cell(name)
+    rng = np.random.default_rng(6)
+    q = random_joints(cell.robot, rng, 40)
+    around = cell._around("up", cell._hand.standing("up", 0.0)).all
+    advance = Advance(cell.robot.chain, around.arm, around)
+    frames = cell.robot.chain.frames(q)
+    bounds = around.bounds(frames)
+    turn = np.zeros(6)
+    turn[0] = 0.5
+    shares, motions, _ = advance.approaches(frames, turn, np.full(40, 1.0), 1.0)
+    moves = motions > 0
+    np.testing.assert_allclose(
+        shares[moves] * motions[moves], (bounds - around.required)[moves], rtol=1e-12, atol=1e-9
+    )
+    # the first joint moves no pair of the arm's own bodies, except against the base
+    for column, (first, second, is_own) in enumerate(around.pairs):
+        segments = (
+            around.arm.bodies[first].segment,
+            around.arm.bodies[second].segment if is_own else 0,
+        )
+        assert moves[:, column].all() == (min(segments) == 0)
+    # points of bodies move no farther than stated
+    for column, (first, _, is_own) in enumerate(around.pairs):
+        if is_own:
+            continue
+        body = around.arm.bodies[first]
+        points = carry(frames[:, body.segment], body.hull.corners)
+        axis = frames[:, 1, :3, 2][:, None]
+        apart = points - frames[:, 1, :3, 3][:, None]
+        radii = np.linalg.norm(np.cross(np.broadcast_to(axis, apart.shape), apart), axis=-1).max(
+            axis=1
+        )
+        assert (0.5 * radii <= motions[:, column] + 1e-6).all()

@@ -47,7 +47,11 @@ FINGER = (
 
 CASES = {
     "prismatic": (FOURTH, FOURTH.replace("revolute", "prismatic"), "prismatic for joint 4"),
-    "five": (FOURTH, FOURTH.replace("revolute", "fixed"), "must have six joints .* Got 5: axis_1"),
+    "five": (
+        FOURTH,
+        FOURTH.replace("revolute", "fixed"),
+        "must have six or seven joints .* Got 5: axis_1",
+    ),
     "no limits": (LIMITS, "", "must state lower of joint 'axis_4'"),
     "no speed": (
         LIMITS,
@@ -158,11 +162,19 @@ def test_bad_files_are_refused(case, tmp_path):
     assert "\n" not in str(raised.value)
 
 
-def test_seven_joints_are_refused(tmp_path):
+def test_eight_joints_are_refused(tmp_path):
     tool = '<joint name="tool0_joint" type="fixed">'
     limits = '<limit lower="-1" upper="1" velocity="1"/>'
+    more = (
+        '<link name="wrist"/><joint name="one_more" type="revolute"><parent link="wrist"/>'
+        f'<child link="tool0"/>{limits}</joint>'
+    )
     text = TEXT.replace(tool, tool.replace("fixed", "revolute") + limits)
-    with pytest.raises(RobotError, match=r"must have six joints between base and 'tool0'. Got 7"):
+    text = text.replace('<child link="tool0"/>', '<child link="wrist"/>')
+    text = text.replace("</robot>", f"{more}</robot>")
+    with pytest.raises(
+        RobotError, match=r"must have six or seven joints between base and 'tool0'. Got 8"
+    ):
         from_text(tmp_path, text)
 
 
@@ -188,7 +200,7 @@ def test_a_missing_file_is_named(tmp_path):
 @pytest.mark.parametrize("value", [0.0, -1.0, [1.0] * 5, "fast", [1.0] * 5 + [float("nan")]])
 def test_accelerations_must_be_one_or_six(value):
     with pytest.raises(
-        RobotError, match="accelerations must be a positive number of rad/s², or six"
+        RobotError, match="accelerations must be a positive number of rad/s², or one for each joint"
     ):
         Robot.from_urdf(ROBOTS / "made_wrist.urdf", packages=PACKAGES, accelerations=value)
 
@@ -299,7 +311,9 @@ def test_speeds_may_come_from_elsewhere(tmp_path):
     np.testing.assert_array_equal(again.speeds, robot.speeds)
     assert again.state_name == robot.state_name
     assert robot.state_name != from_text(tmp_path, text, speeds=1.0).state_name
-    with pytest.raises(RobotError, match="speeds must be a positive number of rad/s, or six"):
+    with pytest.raises(
+        RobotError, match="speeds must be a positive number of rad/s, or one for each joint"
+    ):
         from_text(tmp_path, text, speeds=[1.0, 2.0])
 
 

@@ -448,7 +448,7 @@ def test_files_by_format(language, tmp_path):
     [
         ("a.script", "urscript"),
         ("a.MOD", "rapid"),
-        ("a.src", "krl"),
+        ("inspection.src", "krl"),
         ("a.csv", "csv"),
         ("a.json", "json"),
     ],

@@ -540,11 +540,11 @@ def test_few_angles_serve_all_settings():
     assert common_angles([{1.0, -1.0}]) == [1.0]
     rates = JointRates(np.ones(7), np.ones(7))
     near = np.array([[0.1, 0, 0, 0, 0, 0, 2.0], [0.2, 0, 0, 0, 0, 0, 1.0]])
-    kept = few_branches([np.repeat(near, 20, axis=0), near[:1]], np.zeros(7), rates)
+    kept = few_branches([np.repeat(near, 20, axis=0), near[:1]], np.zeros(7), rates, turns=True)
     # the angle that both have comes first, and no more than two dozen stay
     assert [len(one) for one in kept] == [24, 1]
     assert kept[0][:, 6].tolist().count(2.0) == 20
-    assert few_branches([near[:0]], np.zeros(7), rates)[0].shape == (0, 7)
+    assert few_branches([near[:0]], np.zeros(7), rates, turns=True)[0].shape == (0, 7)
 
 
 # Fewest fixturings against all subsets, then the time against all assignments.
