@@ -369,8 +369,9 @@ def localisation_text(localisation: Localisation) -> str:
 def _row(plan: InspectionPlan, k: int, name: str, measurement: Measurement) -> list[Any]:
     dimension: Any = targets_of(plan.targets, plan.settings[k])[name]
     expanded = measurement.expanded_uncertainty
+    alone = " alone" if name in plan.settings[k].ends else ""
     return [
-        [CellLine(name), CellLine(_what(dimension), "note")],
+        [CellLine(name), CellLine(f"{_what(dimension)}{alone}", "note")],
         _nominal(dimension),
         unbroken(f"{expanded:.3g} {dimension.unit}"),
         _ratio(dimension, expanded),

@@ -162,9 +162,7 @@ def _searched_end(target: Target, entity: int, *, also_whole: bool, any_way: boo
     )
 
 
-def _registered(
-    problem: Problem, names: Collection[str]
-) -> OwnEdges | PoseUncertainty | None:
+def _registered(problem: Problem, names: Collection[str]) -> OwnEdges | PoseUncertainty | None:
     """Return the registration of a problem with how ends move; an end frees what the whole value frees."""
     own_edges = problem.registered
     if not isinstance(own_edges, OwnEdges):

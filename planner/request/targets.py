@@ -936,11 +936,14 @@ class WitnessChoice(NamedTuple):
         Two points that are farther apart are never in one sharp image.
     stretch_mm : float
         Of edges that are longer, stretches of about this length are considered, too.
+    apart : bool
+        Whether two images may show the entities of a dimension.
     """
 
     n_witnesses: int = 1
     widest_mm: float = np.inf
     stretch_mm: float = np.inf
+    apart: bool = False
 
 
 PREFERRED = WitnessChoice()
@@ -974,6 +977,14 @@ def kept_witnesses(witnesses: Sequence[Witness], choice: WitnessChoice) -> list[
     ]
     fitting = [k for k in needed if _extent_mm(witnesses[k]) <= choice.widest_mm]
     candidates = fitting or needed[:1]
+    if not fitting and choice.apart and measurand_can_be_split(witnesses[needed[0]].measurand):
+        # no image shows all of it: of the shortest entities those in the middle
+        extents = [_longest_mm(witnesses[k]) for k in needed]
+        shortest = [
+            k for k, extent in zip(needed, extents, strict=True) if extent <= 1.01 * min(extents)
+        ]
+        if extents[0] > choice.widest_mm:
+            candidates = [shortest[len(shortest) // 2]]
     middles = np.array([witnesses[k].segments.reshape(-1, 3).mean(axis=0) for k in candidates])
     chosen = [0]
     while len(chosen) < min(choice.n_witnesses, len(candidates)):
@@ -982,6 +993,15 @@ def kept_witnesses(witnesses: Sequence[Witness], choice: WitnessChoice) -> list[
         # of equally far ones the first: distances that differ by rounding are equal
         chosen.append(int(np.argmax(np.round(apart, 6))))
     return sorted(candidates[k] for k in chosen)
+
+
+def _longest_mm(witness: Witness) -> float:
+    """Return how far apart two points of one entity of a witness are at most."""
+    longest = 0.0
+    for shape in witness.geometry:
+        first, last = _farthest(_points_on(shape))
+        longest = max(longest, float(np.linalg.norm(last - first)))
+    return longest
 
 
 def _extent_mm(witness: Witness) -> float:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from measured_plate import thick_plate, upper_rims
+from plan_examples import witness
 
 from errors.measurands import End, Line, Localisation, SplitModel, measurand
 from planner import (
@@ -24,7 +25,13 @@ from planner.exceptions import PlanFileError
 from planner.measuring.rehearsal import Rehearsal
 from planner.request.reach import entity_space
 from planner.request.split import WHOLE, split_problem, target_and_end
-from planner.request.targets import END_SHARE, end_of, targets_of
+from planner.request.targets import (
+    END_SHARE,
+    WitnessChoice,
+    end_of,
+    kept_witnesses,
+    targets_of,
+)
 from planner.sensor_setting import setting_name
 from planner.verify.simulate_split import cameras_of
 
@@ -284,6 +291,22 @@ def test_registered_values_of_rendered_images_lie_within_u(solid, plan):
     assert abs(length.value - truth) <= length.expanded_uncertainty
     images_of_ends = [setting_name(plan.ends["length"][k]) for k in range(2)]
     assert [reading.image for reading in length.readings] == images_of_ends
+
+
+def test_edges_longer_than_the_field_have_stretches():
+    """Two edges of 160 mm, 100 mm apart, and three stretches of each: no image of 60 mm holds a pair."""
+
+    def pair(first, last):
+        lines = [Line([first, y, 0.0], [last, y, 0.0]) for y in (0.0, 100.0)]
+        return witness("distance", (f"a{first}", f"b{first}"), lines)
+
+    witnesses = [pair(0.0, 160.0), pair(10.0, 30.0), pair(70.0, 90.0), pair(130.0, 150.0)]
+    choice = WitnessChoice(4, 60.0, 20.0, apart=True)
+    assert kept_witnesses(witnesses, choice) == [2]
+    assert kept_witnesses(witnesses, choice._replace(apart=False)) == [0]
+    # whole edges that an image holds one by one stay whole
+    assert kept_witnesses(witnesses, choice._replace(widest_mm=165.0, apart=True))[0] == 1
+    assert kept_witnesses(witnesses[:1], choice._replace(widest_mm=170.0)) == [0]
 
 
 def test_the_end_of_a_value_has_its_share(plan):
