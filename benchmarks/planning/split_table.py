@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from aspectgraph import read_dimensions, read_solid
+from aspectgraph import read_dimensions, read_solid, select_entities
 from planner import (
     Camera,
     Dimension,
@@ -58,17 +58,17 @@ def stated(path, solid):
 
 def made(solid):
     """Return distances of parallel edges of a part that states none, each of other edges, and diameters of rims."""
-    edges = [edge for edge in solid.edges if edge.sharp and edge.length > APART_MM]
+    edges = select_entities(solid, f"length > {APART_MM:g}")
     pairs = []
     for first, second in combinations(edges, 2):
-        a, b = (np.asarray(solid.edge_points(edge.id), dtype=float) for edge in (first, second))
+        a, b = (np.asarray(solid.edge_points(edge), dtype=float) for edge in (first, second))
         along = (a[1] - a[0]) / np.linalg.norm(a[1] - a[0])
         other = (b[1] - b[0]) / np.linalg.norm(b[1] - b[0])
         if abs(along @ other) < 1 - 1e-9:
             continue
         apart = b.mean(axis=0) - a.mean(axis=0)
         across = float(np.linalg.norm(apart - (apart @ along) * along))
-        pairs.append((across, first.id, second.id))
+        pairs.append((across, first, second))
     pairs.sort(reverse=True)
     wanted = {}
     used = set()
