@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -338,6 +338,8 @@ class Request:
         By how much the part's edges are broken along their faces, least and most, mm; None if it is not stated.
     poses : tuple of GivenPose or None
         The poses that the settings are chosen from; None where poses are searched.
+    split : {"auto", "never"}
+        Whether different settings may measure the entities of a target.
     """
 
     part: PartRecord | None
@@ -358,10 +360,13 @@ class Request:
     registration: Annotated[RegistrationRecord | None, STATED] = None
     edge_break_mm: Break | None = None
     poses: tuple[GivenPose, ...] | None = None
+    split: Literal["auto", "never"] = "never"
 
     def __post_init__(self) -> None:
         if self.edge_break_mm is not None:
             checked_break(self.edge_break_mm)
+        if self.split not in ("auto", "never"):
+            raise RequestError.of_rule("split", "must be 'auto' or 'never'", repr(self.split))
 
     __repr__ = short_repr
 
@@ -459,7 +464,7 @@ def _unnamed(value: Any, owner: str) -> list[tuple[str, str]]:
 
 
 # fields that earlier plan files do not have: nothing was stated
-_LATER = ("edge_break_mm", "poses")
+_LATER = ("edge_break_mm", "poses", "split")
 
 
 def restored_request(identity: Mapping[str, Any]) -> Request:

@@ -44,6 +44,7 @@ from planner.resolve_request import ResolvedRequest, problem_on, resolve_request
 from planner.resume import PlanningState
 from planner.search.given import plan_of_given
 from planner.search.incumbents import Incumbents, SearchRun, needed
+from planner.search.split_plan import with_split
 from planner.search.stages import run_stages, settle_early
 
 if TYPE_CHECKING:
@@ -176,7 +177,8 @@ def plan_request(solid: Solid, resolved: ResolvedRequest, options: RunOptions) -
         run = SearchRun(problem, request, memo, executor=options.executor, callbacks=callbacks)
         try:
             if request.poses is None:
-                memo.finish(run_stages(run, incumbents, request.lighting))
+                plan = run_stages(run, incumbents, request.lighting)
+                memo.finish(with_light(with_split(run, plan), solid, request.lighting))
             else:
                 memo.finish(plan_of_given(run, request.lighting))
         except TimeIsUpError:

@@ -140,6 +140,10 @@ class InspectionOptions(RunOptions):
         By how much the part's edges are broken along their faces, least and most, mm, such as
         (0.1, 0.3). A `Dimension` may state its own. The camera sees a broken edge next to the edge
         of the model, and P and U of dimensions contain this. Default: edges are planned as sharp.
+    split : {"auto", "never"}
+        Whether different settings may measure the two entities of a distance. With "auto", they do
+        where that inspects more or saves a setting. With "never", one image shows all entities of a
+        target. `measure` reads such values from all images together.
     poses : sequence of GivenPose, or array_like (n, 4, 4), optional
         Poses that exist, such as those of `read_poses`. The plan chooses the fewest of them, and its
         bound is that of these poses. Nothing is searched or moved. Default: poses are searched.
@@ -174,6 +178,7 @@ class InspectionOptions(RunOptions):
     surfaces_mm: float | None = None
     registration: Any = None
     edge_break_mm: tuple[float, float] | None = None
+    split: str = "auto"
     poses: Any = None
     gap: float = 0.0
 

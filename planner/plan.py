@@ -20,7 +20,14 @@ from planner.files import encoded, plan_file, read_json, write_text
 from planner.plan_file import FORMAT, VERSION
 from planner.plan_tables import PlanTables
 from planner.request.words import features_text
-from planner.sensor_setting import Reason, SensorSetting, kind_of, kinds_record, reasons_from
+from planner.sensor_setting import (
+    Reason,
+    SensorSetting,
+    SplitValue,
+    kind_of,
+    kinds_record,
+    reasons_from,
+)
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -76,6 +83,8 @@ class InspectionPlan(PlanTables):
         How the command line read the part: its ``file``, relative to the plan's, and its options.
     not_planned : mapping of str to str
         What the CAD model requires besides the targets, by name: the reason why the command line did not plan it.
+    split : mapping of str to SplitValue
+        Dimensions whose two entities different settings measure, see ``SensorSetting.ends``, and how sure each is.
     made : Made or None
         When, by whom and by which program the command line made the plan. Plans that differ only in it are equal.
     """
@@ -92,11 +101,12 @@ class InspectionPlan(PlanTables):
     source: Mapping[str, Any] = field(default_factory=dict)
     not_planned: Mapping[str, str] = field(default_factory=dict)
     made: Made | None = None
+    split: Mapping[str, SplitValue] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "settings", tuple(self.settings))
         object.__setattr__(self, "uninspectable", _reasons(self.uninspectable))
-        for name in ("cell", "source", "not_planned"):
+        for name in ("cell", "source", "not_planned", "split"):
             object.__setattr__(self, name, dict(getattr(self, name)))
         self._check_names()
 
@@ -175,6 +185,22 @@ class InspectionPlan(PlanTables):
                 raise PlanFileError(
                     f"entity {name!r} must be in a setting or uninspectable. Got {where}."
                 )
+        ends = self.ends
+        for name in {*ends, *self.split}:
+            if set(ends.get(name, {})) != {0, 1} or name not in self.split:
+                raise PlanFileError(
+                    f"both ends of {name!r} must be in settings, and its value in split. Got "
+                    f"{len(ends.get(name, {}))} ends."
+                )
+
+    @cached_property
+    def ends(self) -> dict[str, dict[int, int]]:
+        """Of each dimension that is measured in two settings, the index of the setting of each entity."""
+        ends: dict[str, dict[int, int]] = {}
+        for k, setting in enumerate(self.settings):
+            for name, entity in setting.ends.items():
+                ends.setdefault(name, {})[entity] = k
+        return ends
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
@@ -246,6 +272,7 @@ class InspectionPlan(PlanTables):
             )
             for name in self.targets
         }
+        best |= {name: value.p_all for name, value in self.split.items()}
         return {name: p for name, p in best.items() if name not in self.uninspectable}
 
     @property
@@ -259,7 +286,11 @@ class InspectionPlan(PlanTables):
             for name in setting.entities
             if name not in dark
         }
-        return tuple(name for name in self.inspected if name not in lit)
+        # of what two settings measure, both entities must show
+        dark: set[str] = set()
+        for setting, unlit in zip(self.settings, self.light.unlit, strict=False):
+            dark.update(set(setting.ends).intersection(unlit))
+        return tuple(name for name in self.inspected if name not in lit or name in dark)
 
     def simulate(
         self,
@@ -326,10 +357,14 @@ class InspectionPlan(PlanTables):
             The content that `write` writes, with format, version and units. Numbers that are not
             finite remain floats.
         """
+        from errors.checks import below_one
         from planner.identity import stored_request
         from planner.verify.setting_record import setting_dict
 
         kinds = kinds_record(self.uninspectable)
+        split = {}
+        for name, value in self.split.items():
+            split[name] = {**asdict(value), "probability": below_one(value.probability)}
         return {
             "format": FORMAT,
             "version": VERSION,
@@ -345,6 +380,7 @@ class InspectionPlan(PlanTables):
             **({"uninspectable_kinds": kinds} if kinds else {}),
             **({"not_planned": dict(self.not_planned)} if self.not_planned else {}),
             "settings": [setting_dict(self, setting) for setting in self.settings],
+            **({"split": split} if split else {}),
             **({} if self.light is None else {"light": self.light.to_dict()}),
             "simulation": None if self.simulation is None else self.simulation.to_dict(),
         }
@@ -487,6 +523,7 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         source=record.source,
         not_planned=record.not_planned,
         made=record.made,
+        split=record.split,
     )
     check_settings(plan, data["settings"])
     return plan

@@ -130,9 +130,11 @@ def check_plan(data: Mapping[str, Any]) -> None:
         _check_witnesses(setting, targets, k)
         _check_promises(setting, request, targets, k)
     _check_everyone_once(data, targets)
+    _check_split(data, targets)
     _check_bound(data)
     if data.get("simulation") is not None:
         _check_simulation(data["simulation"], data["settings"])
+        _check_split_rates(data["simulation"], data.get("split", {}))
     if data.get("light") is not None:
         _check_light(data["light"], data["settings"])
 
@@ -348,6 +350,44 @@ def _check_everyone_once(data: Mapping[str, Any], targets: Mapping[str, Any]) ->
             place = "both" if name in inspected else "neither"
             where = field_name("targets", name)
             raise PlanFileError(f"{where} must be in a setting or uninspectable. Got {place}.")
+
+
+def _check_split(data: Mapping[str, Any], targets: Mapping[str, Any]) -> None:
+    """Check that what two settings measure has both of its entities in settings, each once, and is probable enough."""
+    entities: dict[str, list[int]] = {}
+    split = data.get("split", {})
+    required = data["request"]["probability"]
+    for k, setting in enumerate(data["settings"]):
+        for name, entity in setting.get("ends", {}).items():
+            path = field_name("settings", k, "ends", name)
+            if name not in setting["entities"]:
+                _refuse(path, "must be of an item of the setting", name)
+            if len(targets[name]["witnesses"][0]["entities"]) != 2:
+                _refuse(path, "must be of a dimension of two entities", name)
+            entities.setdefault(name, []).append(entity)
+    for name in (*split, *entities):
+        path = field_name("split", name)
+        if name not in split:
+            raise PlanFileError(f"{path} must be given. Got none.")
+        if sorted(entities.get(name, [])) != [0, 1]:
+            rule = "must have each of its two entities in one setting, as ends of settings say"
+            _refuse(path, rule, entities.get(name, []))
+        value = split[name]["p_all"]
+        if value < min(required, _SHOWN_BY_COUNTING) - _SAME:
+            rule = f"must be at least the required probability, {required:g}"
+            _refuse(field_name("split", name, "p_all"), rule, value)
+
+
+def _check_split_rates(simulation: Mapping[str, Any], split: Mapping[str, Any]) -> None:
+    """Check that what two settings measure was simulated, with the probability that the plan states."""
+    rates = simulation.get("split", {})
+    _check_keys(rates, list(split), "simulation", "split")
+    for name, rate in rates.items():
+        path = ("simulation", "split", name)
+        _check_rate(rate, simulation, *path)
+        if abs(rate["predicted"] - split[name]["probability"]) > _SAME:
+            rule = f"must be the probability in split, {split[name]['probability']:g}"
+            _refuse(field_name(*path, "predicted"), rule, rate["predicted"])
 
 
 def _check_bound(data: Mapping[str, Any]) -> None:

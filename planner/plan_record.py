@@ -26,7 +26,7 @@ from planner.plan_file import (
     check_plan,
 )
 from planner.request.target_records import TargetsByName, target_of
-from planner.sensor_setting import ReasonKind, SensorSetting
+from planner.sensor_setting import ReasonKind, SensorSetting, SplitValue
 from planner.verify.setting_record import Measurement
 from planner.verify.simulate_plan import SimulationResult
 
@@ -131,6 +131,9 @@ class PlanFile:
     not_planned: Reasons = field(default_factory=dict)
     light: LightRecord | None = None
     made: Made | None = None
+    split: Annotated[
+        Mapping[str, SplitValue], Meta(title="must map dimensions to how sure they are measured")
+    ] = field(default_factory=dict)
 
     @classmethod
     def read(cls, data: Any) -> PlanFile:

@@ -26,6 +26,7 @@ from planner.request.dimension_files import (
 from planner.request.edge_state import checked_break
 from planner.request.problem import Problem, choice_for
 from planner.request.reach import Space, TargetSpace
+from planner.request.split import AUTO
 from planner.request.targets import Target, check_is_edge, edge_targets
 
 if TYPE_CHECKING:
@@ -275,7 +276,7 @@ def _resolved(
             check_is_edge(name, entity)
         return entities, edge_targets(entities, tuple(entities))
     effort = options.effort or Effort.for_dimensions()
-    choice = choice_for(camera, effort.witnesses)
+    choice = choice_for(camera, effort.witnesses, apart=options.split == AUTO)
     return resolve_wanted(solid, items, options.accuracy, as_lengths=not rounded, choice=choice)
 
 

@@ -6,7 +6,7 @@ There is one such list: `InspectionPlan.rows`, the file beside a report and the 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, NamedTuple
 
@@ -179,6 +179,45 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
             entities=target.entities,
         )
         rows.append(row)
+    return rows
+
+
+def split_rows(plan: Any) -> list[Row]:
+    """Return a row of each dimension whose two entities different settings measure: the value that both give.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        With or without the result of its simulation.
+
+    Returns
+    -------
+    list of Row
+        The setting is that of the first entity.
+    """
+    rates = plan.simulation.split if plan.simulation is not None else {}
+    rows = []
+    for name, value in plan.split.items():
+        first = plan.ends[name][0]
+        setting = plan.settings[first]
+        target = targets_of(plan.targets, replace(setting, ends={}))[name]
+        rows.append(
+            Row(
+                setting=first + 1,
+                name=name,
+                kind=target.kind,
+                nominal=target.nominal,
+                unit=target.unit,
+                permitted_error=target.permitted_error,
+                permitted_error_px=target.permitted_error_px(setting.cam2world, plan.camera),
+                probability=value.probability,
+                rate=rates.get(name),
+                standard_uncertainty=value.standard_uncertainty,
+                search_window_px=0.0,
+                p_all=value.p_all,
+                entities=target.entities,
+            )
+        )
     return rows
 
 

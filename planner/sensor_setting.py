@@ -13,7 +13,7 @@ import numpy as np
 from errors.checks import probability_text
 from ground.convert import SPELLED, STATED, Meta, from_plain, to_plain
 from planner.exceptions import PlanFileError
-from planner.plan_file import Count, Names, Pixels, Pose, Probabilities, Share, Texts
+from planner.plan_file import Amount, Count, Names, Pixels, Pose, Probabilities, Share, Texts
 from planner.request.registration import PoseKnowledge
 
 # Names of the images that the settings of a plan take.
@@ -169,6 +169,10 @@ class SensorSetting:
     witness : dict of str to int
         Of each entity that several sets of entities can measure, which of them this setting uses,
         from 0. See ``PlannedDimension.witnesses``.
+    ends : dict of str to int
+        Of each dimension of which this setting measures one entity alone, the number of this
+        entity, from 0. Another setting measures the other one. P and P_all are then those of the
+        entity's own error, with a permitted error of r/√2.
     passed_over : dict of str to dict
         Of each such entity, why the setting uses none of the other sets: ids and the reason.
     margins : dict of str to float
@@ -220,6 +224,7 @@ class SensorSetting:
     p_all_together: Share = math.nan
     p_all_poses: Count = 0
     witness: Mapping[str, Annotated[int, Meta(ge=0, le=10**6)]] = field(default_factory=dict)
+    ends: Mapping[str, Annotated[int, Meta(ge=0, le=1)]] = field(default_factory=dict)
     passed_over: Mapping[str, Texts] = field(default_factory=dict)
     registered: PoseKnowledge | None = None
     fixturing: str = ""
@@ -294,6 +299,29 @@ class SensorSetting:
         return self.to_dict() == other.to_dict()
 
     __hash__ = None  # type: ignore[assignment]
+
+
+@dataclass(frozen=True)
+class SplitValue:
+    """How sure a dimension is whose two entities are measured in different settings.
+
+    Attributes
+    ----------
+    probability : float
+        The probability P that the error of the value is at most the permitted one.
+    p_all : float
+        The probability P_all that both displaced cameras measure their entity, and the error of the value is at most
+        the permitted one: a lower bound with 99.9 % confidence.
+    p_all_poses : int
+        Number of displaced poses of each camera.
+    standard_uncertainty : float
+        u of the value, mm.
+    """
+
+    probability: Share
+    p_all: Share
+    p_all_poses: Count
+    standard_uncertainty: Amount
 
 
 # What came of trying to realise a column: a setting, or the reason why there is none.

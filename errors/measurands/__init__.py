@@ -33,7 +33,7 @@ from errors.measurands.measurand import (
     uncertainty_ratio,
 )
 from errors.measurands.position import Position, PositionFrame, PositionModel
-from errors.measurands.split import End, SplitModel
+from errors.measurands.split import End, SplitModel, can_be_split
 
 __all__ = [
     "Bonus",
@@ -53,6 +53,7 @@ __all__ = [
     "Prediction",
     "SplitModel",
     "acceptance_limits",
+    "can_be_split",
     "conformance_probability",
     "decide",
     "decide_deviation",

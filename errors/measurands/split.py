@@ -116,6 +116,9 @@ class SplitModel:
     ----------
     model : MeasurandModel
         The model of the whole value in one image: permitted error, localisation, surfaces and pose covariance.
+    other : MeasurandModel, optional
+        The same with what is known of the pose that measures the second entity. Errors by surfaces that both models
+        state are those by their own entity. Default: what is known of the first pose.
 
     Raises
     ------
@@ -141,13 +144,15 @@ class SplitModel:
     0.886
     """
 
-    def __init__(self, model: MeasurandModel) -> None:
+    def __init__(self, model: MeasurandModel, other: MeasurandModel | None = None) -> None:
         value = model.measurand
         if len(value.geometry) != 2:
             raise MeasurandError.of_rule(
                 "measurand", "must have two entities", f"{len(value.geometry)}"
             )
         self.whole = model
+        self._at_pose = (model, other or model)
+        self._is_apart = other is not None
         self.ends = tuple(End(value, k) for k in range(2))
 
     def probability(self, world_to_camera: ArrayLike) -> float:
@@ -226,7 +231,7 @@ class SplitModel:
         return self._model(0, surfaces, self.whole.by_edges), self._model(1, 0.0, 0.0)
 
     def _model(self, k: int, by_surfaces: float, by_edges: float) -> MeasurandModel:
-        whole = self.whole
+        whole = self._at_pose[k]
         return MeasurandModel(
             self.ends[k],
             image_distance_mm=whole.image.distance_mm,
@@ -241,21 +246,43 @@ class SplitModel:
     def by_surfaces(self, world_to_camera: Array) -> float:
         """Return the standard deviation of the value by surfaces, in its unit.
 
+        Where both models state what surfaces do to their entity, they are independent.
+
         Parameters
         ----------
         world_to_camera : array (2, 4, 4)
             The pose that measures each entity.
         """
-        if self.whole.by_surfaces is not None:
-            return self.whole.by_surfaces
+        first, second = (model.by_surfaces for model in self._at_pose)
+        if first is not None and second is not None:
+            return math.hypot(first, second) if self._is_apart else first
         effects = [end.by_plane(pose) for end, pose in zip(self.ends, world_to_camera, strict=True)]
-        index, _ = self.whole.measurand.surfaces
-        if index[0] == index[1]:
+        if self.on_one_face:
             # of one face, with normals that may be opposite
             normal = [np.cross(frame.x, frame.y) for frame in self.whole.measurand.frames]
             sign = 1.0 if float(normal[0] @ normal[1]) > 0 else -1.0
             return self.whole.surfaces_mm * abs(effects[0] + sign * effects[1])
         return self.whole.surfaces_mm * math.hypot(*effects)
+
+    @property
+    def on_one_face(self) -> bool:
+        """Whether one face carries both entities."""
+        index, _ = self.whole.measurand.surfaces
+        return bool(index[0] == index[1])
+
+
+def can_be_split(value: Measurand) -> bool:
+    """Return whether the entities of a value may be measured in images of their own.
+
+    These are distances of two entities. Of an angle, `measure` reads no such value.
+
+    Parameters
+    ----------
+    value : Measurand
+        The value.
+    """
+    of_two = len(value.geometry) == 2 and not value.and_more
+    return of_two and not value.in_image and value.unit == "mm"
 
 
 def _size(shape: Geometry) -> int:

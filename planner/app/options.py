@@ -374,6 +374,9 @@ class SearchEffort:
         end after this many seconds with the best plan so far, like 90, 5min or 1h (default: no limit)
     gap
         end the search when at most this share of the settings is unproven, like 20%
+    split
+        auto: different settings may measure the two entities of a distance, where that inspects more or saves a
+        setting; never: one image shows both (default: auto)
     seed
         same seed, same plan
     simulate
@@ -385,6 +388,7 @@ class SearchEffort:
     effort: Annotated[Literal["quick", "standard", "thorough"] | None, _named("")] = None
     time_limit: Time = None
     gap: Annotated[float, value(SHARE, "G"), FROM_0_BELOW_1] = 0.0
+    split: Literal["auto", "never"] = "auto"
     seed: Seed = 0
     simulate: Number = 10_000
     jobs: Jobs = _CORES

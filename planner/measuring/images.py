@@ -365,7 +365,7 @@ class Shot:
     setting : int
         Number of its setting, from 0.
     targets : tuple of str
-        What is measured in it.
+        What is measured in it as a whole.
     """
 
     name: str
@@ -400,11 +400,12 @@ def shots_of(plan: InspectionPlan) -> list[Shot]:
     shots = []
     for k, setting in enumerate(plan.settings):
         lit = () if plan.light is None else plan.light.images[k]
+        whole = tuple(name for name in setting.entities if name not in setting.ends)
         if len(lit) < 2:
-            shots.append(Shot(setting_name(k), k, tuple(setting.entities)))
+            shots.append(Shot(setting_name(k), k, whole))
             continue
         for i, image in enumerate(lit):
-            targets = tuple(name for name in setting.entities if name in image.contrast)
+            targets = tuple(name for name in whole if name in image.contrast)
             shots.append(Shot(setting_name(k, i), k, targets))
     return shots
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from errors.measurands import DecisionRule, Localisation, Measurand, Position
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
-from errors.measurands.split import End
+from errors.measurands.split import End, can_be_split
 from ground.blas import with_one_thread
 from ground.faces import project_version
 from ground.short_repr import short_repr
@@ -409,6 +409,11 @@ def witness_key(setting: SensorSetting, name: str) -> str:
     return f"{name} (way {k + 1})" if k else name
 
 
+def whole_targets(plan: InspectionPlan, setting: SensorSetting) -> Mapping[str, Target]:
+    """Return the targets of a plan by the witnesses of a setting, also those of which it measures one entity."""
+    return targets_of(plan.targets, replace(setting, ends={}))
+
+
 class Measurer:
     """Measures parts by images of a plan's settings; rays and surfaces are found once.
 
@@ -448,10 +453,12 @@ class Measurer:
             raise RequestError.of_rule("plan", "must have a setting", "one without settings")
         self.plan = plan
         self.shots = shots_of(plan)
-        self.targets = {name: plan.targets[name] for name in plan.inspected}
+        self.targets = {
+            name: plan.targets[name] for name in plan.inspected if name not in plan.split
+        }
         # a setting measures a target by the witness that it was planned with
         self._by_witness = {
-            witness_key(setting, name): targets_of(plan.targets, setting)[name]
+            witness_key(setting, name): whole_targets(plan, setting)[name]
             for setting in plan.settings
             for name in setting.entities
         }
@@ -648,6 +655,8 @@ class Measurer:
         free_of: dict[str, set[int]] = {name: set() for name in self.targets}
         for setting in self.plan.settings:
             for name in setting.entities:
+                if name in setting.ends:
+                    continue
                 free_of[name] |= self.model.free_of[witness_key(setting, name)]
         for name, ends in self._ends.items():
             free_of[name] = set().union(*(end.free for end in ends))
@@ -778,7 +787,8 @@ class Measurer:
         planned = self.plan.request.registration
         if planned is not None and planned.surfaces_mm is not None:
             return planned.surfaces_mm
-        return max((target.surfaces_mm for target in self.targets.values()), default=0.0)
+        targets = (self.plan.targets[name] for name in self.plan.inspected)
+        return max((target.surfaces_mm for target in targets), default=0.0)
 
     def _read(
         self, shot: Shot, picture: Picture, known: PartPosterior, options: MeasureOptions
@@ -846,17 +856,24 @@ class Measurer:
         )
 
     def _ends_of_others(self) -> dict[str, list[MeasuredEnd]]:
-        """Return the entities of targets that the plan inspects in no image, where each has its share of the value."""
+        """Return the entities of targets that no image of the plan shows whole, each with its share of the value."""
         ends = {}
-        for name in self.plan.uninspectable:
-            value = self.plan.targets[name].measurand
-            if value.in_image or value.and_more or value.unit != "mm" or len(value.geometry) != 2:
+        for name in (*self.plan.split, *self.plan.uninspectable):
+            value = self._split_target(name).measurand
+            if not can_be_split(value):
                 continue
             ends[name] = [
                 MeasuredEnd(name, End(value, k), self.model.entity(shape, name), self.model)
                 for k, shape in enumerate(value.geometry)
             ]
         return ends
+
+    def _split_target(self, name: str) -> Target:
+        """Return a target that no image shows whole, by the witness of the settings that measure its ends."""
+        settings = [setting for setting in self.plan.settings if name in setting.ends]
+        if not settings:
+            return self.plan.targets[name]
+        return whole_targets(self.plan, settings[0])[name]
 
     def _of_several_images(
         self,
@@ -865,15 +882,21 @@ class Measurer:
         known: PartPosterior,
         options: MeasureOptions,
     ) -> dict[str, Result]:
-        """Return results of targets that the plan does not inspect, and whose entities are in different images."""
+        """Return results of targets whose entities are in different images, whether the plan inspects them or not."""
         best: dict[str, dict[int, Reading]] = {name: {} for name in self._ends}
+        why: dict[str, list[str]] = {name: [] for name in self._ends}
         for shot in self.shots:
             image = registered.get(shot.name)
-            if image is None or image.method != OWN_EDGES:
+            if image is None:
                 continue
+            planned = self.plan.settings[shot.setting].ends
             for name, ends in self._ends.items():
                 for k, end in enumerate(ends):
-                    if not end.is_shown(image, self.plan.camera, options.coverage):
+                    is_planned = planned.get(name) == k
+                    if not is_planned and (
+                        image.method != OWN_EDGES
+                        or not end.is_shown(image, self.plan.camera, options.coverage)
+                    ):
                         continue
                     pictures = [response.pictures, *response.others]
                     reading, *others = [
@@ -881,12 +904,24 @@ class Measurer:
                         for picture in pictures
                     ]
                     reading = response.counted(reading, others)
+                    if is_planned and not reading.measured:
+                        why[name].append(f"{shot.name}: {reading.reason}")
                     worse = best[name].get(k)
                     if reading.measured and (
                         worse is None or reading.standard_uncertainty < worse.standard_uncertainty
                     ):
                         best[name][k] = reading
-        return {
+        missing = {
+            name: merged(
+                name,
+                self.plan.targets[name],
+                (),
+                options.rule,
+                "; ".join(why[name]) or "an image of one of its entities is missing",
+            )
+            for name in self.plan.split
+        }
+        return missing | {
             name: joined_ends(
                 name,
                 self.plan.targets[name],
@@ -910,7 +945,12 @@ class Measurer:
         image = known.known(end.target, shot.name)
         target = self.plan.targets[end.target]
         edge_state = self.edge_state(options, target)
-        samples = entity_samples(self.model, [end.edge], image.registered, picture.camera, NEAR_PX)
+        half_px = NEAR_PX
+        if image.registered.method != OWN_EDGES:
+            setting = self.plan.settings[shot.setting]
+            whole = {end.target: self._split_target(end.target)}
+            half_px = self._searched_px(setting, whole, image.registered)[end.target]
+        samples = entity_samples(self.model, [end.edge], image.registered, picture.camera, half_px)
         scan = scan_entity(
             self.model,
             end.edge,
@@ -918,7 +958,7 @@ class Measurer:
             samples.of(0),
             picture,
             image.registered,
-            half_px=NEAR_PX,
+            half_px=half_px,
             coverage=options.coverage,
             edge_state=edge_state,
         )
@@ -939,10 +979,14 @@ class Measurer:
             # deviations are estimated, and entities are searched for where these put them
             return dict.fromkeys(shot.targets, NEAR_PX)
         setting = self.plan.settings[shot.setting]
-        room = {
-            name: self._tolerance_px(self._by_witness[witness_key(setting, name)], registered)
-            for name in shot.targets
-        }
+        targets = {name: self._by_witness[witness_key(setting, name)] for name in shot.targets}
+        return self._searched_px(setting, targets, registered)
+
+    def _searched_px(
+        self, setting: SensorSetting, targets: Mapping[str, Target], registered: Registered
+    ) -> dict[str, float]:
+        """Return how far from their predictions targets are searched where their deviations are not estimated, px."""
+        room = {name: self._tolerance_px(target, registered) for name, target in targets.items()}
         if registered.method != PLANNED:
             return {name: max(NEAR_PX, more + _ROOM_PX) for name, more in room.items()}
         windows = search_windows_px(self.plan, setting)
@@ -1002,7 +1046,8 @@ class Measurer:
 
     def _bias_px(self, options: MeasureOptions) -> float:
         """Return the standard deviation of edges' biases, px."""
-        floors = (self._floor_px(target.localisation, options) for target in self.targets.values())
+        targets = (self.plan.targets[name] for name in self.plan.inspected)
+        floors = (self._floor_px(target.localisation, options) for target in targets)
         return bias_of(max(floors, default=DETECTOR_FLOOR_PX))
 
     def _not_planned(self, rule: DecisionRule) -> dict[str, Result]:

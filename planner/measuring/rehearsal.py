@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
@@ -32,7 +32,7 @@ from planner.light.area_light import AreaLight
 from planner.light.light_plan import WHITE_SHARE, beside
 from planner.measuring.fit import fit_entities
 from planner.measuring.images import Shot
-from planner.measuring.measurer import Measurer, witness_key
+from planner.measuring.measurer import Measurer, whole_targets, witness_key
 from planner.measuring.registered import displaced
 from planner.measuring.samples import PartModel
 from planner.progress import Progress, report
@@ -92,7 +92,8 @@ class Truth:
     surfaces_mm : float
         Standard deviation of planes along their normals.
     values : dict of str to dict of str to float
-        True values of the targets in each image, in mm (angles: degrees).
+        True values of the targets in each image, in mm (angles: degrees). A target whose entities are in two images
+        has the same value in both.
     poses : dict of str to array (4, 4)
         Where the camera was, by image: camera to world, mm.
     response : str
@@ -426,7 +427,7 @@ class Rehearsal:
         check_count("seed", seed, 0)
         measurer = Measurer(plan, solid)
         if surfaces_mm is None:
-            stated = [target.surfaces_mm for target in measurer.targets.values()]
+            stated = [plan.targets[name].surfaces_mm for name in plan.inspected]
             surfaces_mm = max(stated, default=0.0)
         check_number("surfaces_mm", surfaces_mm, NOT_NEGATIVE)
         self._plan = plan
@@ -539,9 +540,10 @@ class Rehearsal:
     def _values(self, part: DeviatingPart, shot: Shot) -> dict[str, float]:
         """Return the true values of what is measured in an image."""
         setting = self._plan.settings[shot.setting]
-        targets: Mapping[str, Target] = targets_of(self._plan.targets, setting)
+        targets = whole_targets(self._plan, setting)
         return {
-            name: part.value(witness_key(setting, name), targets[name]) for name in shot.targets
+            name: part.value(witness_key(setting, name), targets[name])
+            for name in (*shot.targets, *setting.ends)
         }
 
     def _light(self, shot: Shot, pose: Array) -> _Light:
@@ -568,7 +570,7 @@ class Rehearsal:
         targets = targets_of(self._plan.targets, setting)
         height, width = grey.shape
         levels = []
-        for name in shot.targets:
+        for name in (*shot.targets, *setting.ends):
             pixels = np.rint(beside(self._plan.camera, pose, targets[name].points)).reshape(-1, 2)
             inside = ((pixels >= 0) & (pixels < [width, height])).all(axis=1)
             u, v = pixels[inside].astype(int).T

@@ -76,7 +76,7 @@ from planner.report.wording import (
     unstated_edges_text,
     window_sentence,
 )
-from planner.request.targets import PlannedDimension, words_of
+from planner.request.targets import PlannedDimension, targets_of, words_of
 from planner.rows import measured_rows
 from planner.text_table import count
 from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, MODEL_TOLERANCE
@@ -530,8 +530,9 @@ def _text(plan: InspectionPlan, k: int, name: str) -> str:
     target = plan.targets[name]
     text = f"Setting {k + 1} measures {name}"
     if isinstance(target, PlannedDimension):
-        used = target.choosing(setting.witness.get(name, 0))
+        used = targets_of(plan.targets, setting)[name]
         text += f" by {' and '.join(used.entities)}"
+        text += " alone" if name in setting.ends else ""
         if len(target.ways) > 1:
             text += f", one of {count(len(target.ways), 'way')}{_passed_over(setting, name)}"
     others = [

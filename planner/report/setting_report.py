@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from scipy.spatial.transform import Rotation
@@ -40,8 +41,9 @@ from planner.report.wording import (
     white_text,
 )
 from planner.request.dimension import is_one_sided
-from planner.request.targets import words_of
+from planner.request.targets import targets_of, words_of
 from planner.request.words import deviation_text, tolerance_text
+from planner.rows import Row, split_rows
 from planner.text_table import Column, Table
 from planner.verify.setting_record import Measurement, measurements
 
@@ -288,6 +290,7 @@ def dimensions_table(plan: InspectionPlan) -> Table | None:
         for k, setting in enumerate(plan.settings)
         for name, measurement in measurements(plan, setting).items()
     ]
+    rows += [(row.name, _split_row(plan, row)) for row in split_rows(plan)]
     if not rows:
         return None
     columns = [
@@ -364,11 +367,11 @@ def localisation_text(localisation: Localisation) -> str:
 
 
 def _row(plan: InspectionPlan, k: int, name: str, measurement: Measurement) -> list[Any]:
-    chosen = plan.settings[k].witness.get(name, 0)
-    dimension = plan.dimensions[name].choosing(chosen)
+    dimension: Any = targets_of(plan.targets, plan.settings[k])[name]
     expanded = measurement.expanded_uncertainty
+    alone = " alone" if name in plan.settings[k].ends else ""
     return [
-        [CellLine(name), CellLine(_what(dimension), "note")],
+        [CellLine(name), CellLine(f"{_what(dimension)}{alone}", "note")],
         _nominal(dimension),
         unbroken(f"{expanded:.3g} {dimension.unit}"),
         _ratio(dimension, expanded),
@@ -377,8 +380,36 @@ def _row(plan: InspectionPlan, k: int, name: str, measurement: Measurement) -> l
         _probability(plan, k, name),
         f"{measurement.standard_uncertainty:.3g}",
         _budget(dimension, measurement),
-        _accepted(dimension, measurement),
+        _accepted(dimension, measurement.standard_uncertainty),
         measurement.binding,
+    ]
+
+
+def _split_row(plan: InspectionPlan, row: Row) -> list[Any]:
+    """Return the row of a dimension whose entities two settings measure: the value that both give."""
+    setting = plan.settings[row.setting - 1]
+    dimension: Any = targets_of(plan.targets, replace(setting, ends={}))[row.name]
+    expanded = 2 * row.standard_uncertainty
+    first, second = sorted(plan.ends[row.name].values())
+    promise = [CellLine(probability_text(row.promise, plan.probability))]
+    promise.append(
+        CellLine(unbroken(f"P {probability_text(row.probability, plan.probability)}"), "note")
+    )
+    if row.rate is not None:
+        text = f"simulated {interval_text(row.rate.low, row.rate.high)}"
+        promise.append(CellLine(text, "note"))
+    return [
+        [CellLine(row.name), CellLine(_what(dimension), "note")],
+        _nominal(dimension),
+        unbroken(f"{expanded:.3g} {dimension.unit}"),
+        _ratio(dimension, expanded),
+        [CellLine(unbroken(f"±{dimension.permitted_error:.4g} {dimension.unit}"))],
+        [first + 1, second + 1],
+        promise,
+        f"{row.standard_uncertainty:.3g}",
+        [],
+        _accepted(dimension, row.standard_uncertainty),
+        "both entities together",
     ]
 
 
@@ -492,15 +523,15 @@ def _budget(dimension: PlannedDimension, measurement: Measurement) -> list[Share
     ]
 
 
-def _accepted(dimension: PlannedDimension, measurement: Measurement) -> list[CellLine]:
+def _accepted(dimension: PlannedDimension, u: float) -> list[CellLine]:
     if dimension.tolerance is None:
         return [CellLine("no tolerance stated")]
     rule = DecisionRule.iso14253()
-    limits = acceptance_limits(dimension.tolerance, measurement.standard_uncertainty, rule)
+    limits = acceptance_limits(dimension.tolerance, u, rule)
     if limits is None:
         return [CellLine("nothing: u is too large for the tolerance", "bad")]
     # two digits of U, rounded inwards: no value is said to be accepted that is not
-    decimals = decimals_of(2.0 * measurement.standard_uncertainty)
+    decimals = decimals_of(2.0 * u)
     low, high = (dimension.nominal + limit for limit in limits)
     if math.isinf(low):
         return [CellLine(f"up to {_rounded(-rounded_up(-high, decimals), decimals, dimension)}")]

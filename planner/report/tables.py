@@ -29,7 +29,7 @@ from planner.request.camera_limits import (
     sigmas_left,
 )
 from planner.request.targets import targets_of, words_of
-from planner.rows import Row
+from planner.rows import Row, split_rows
 from planner.sensor_setting import kind_of
 from planner.text_table import Column, Table
 from planner.verify.simulate_setting import (
@@ -142,6 +142,7 @@ def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> T
             best[row.name] = row
     if not best:
         return None
+    best |= {row.name: row for row in split_rows(plan)}
     promised = Promised(
         plan,
         [row.promise for row in best.values()],
@@ -435,11 +436,14 @@ def setting_table(plan: InspectionPlan, measured: Sequence[Row]) -> Table:
         columns.append(Column("Simulated", right=True))
         columns += [Column("Interval", kind="interval"), Column("", kind="lines")]
     rows = []
+    here: Mapping[str, Target] = {}
+    if measured:
+        here = targets_of(plan.targets, plan.settings[measured[0].setting - 1])
     for row in measured:
-        target = plan.targets[row.name]
+        target = here[row.name]
         values = [
             row.name,
-            [CellLine(words.value.format(target)), *_by(row, target)],
+            [CellLine(words.value.format(target)), *_by(plan, row)],
             permitted(row, target),
             budget_shares(row),
             *promised.cells(row.promise, row.probability),
@@ -451,8 +455,12 @@ def setting_table(plan: InspectionPlan, measured: Sequence[Row]) -> Table:
     return Table(columns, rows, style="stack", below=below, notes=[note])
 
 
-def _by(row: Row, target: Target) -> list[CellLine]:
-    """Say by which entities a target is measured, where others could, too."""
+def _by(plan: InspectionPlan, row: Row) -> list[CellLine]:
+    """Say by which entities a target is measured, where others could, too, or by one of two."""
+    target = plan.targets[row.name]
+    if row.name in plan.split:
+        other = sum(plan.ends[row.name].values()) + 2 - row.setting
+        return [CellLine(f"by {row.entities[0]} alone, the rest in setting {other}", "note")]
     if len(target.ways) == 1:
         return []
     text = f"by {', '.join(row.entities)}, one of {len(target.ways)} ways"

@@ -43,6 +43,7 @@ from planner.report.wording import (
 from planner.request.problem import why_missed
 from planner.request.targets import targets_of, words_of
 from planner.request.words import requirements_text, tolerance_text
+from planner.rows import split_rows
 from planner.text_table import (
     Cell,
     Column,
@@ -352,9 +353,24 @@ def _measurements(plan: InspectionPlan) -> tuple[list[Column], list[tuple[Any, .
             texts = [probability_text(p, plan.probability) for p in stated]
             simulated = _interval(rates.get(name))
             measured = [_measured(plan.targets[name])] if words.requirement_column else []
-            by = [", ".join(targets[name].entities)] if several else []
-            rows.append((name, k + 1, *measured, *by, *texts, simulated))
+            entities = ", ".join(targets[name].entities)
+            by = [entities] if several else []
+            label = f"{name} ({entities} alone)" if name in setting.ends else name
+            rows.append((label, k + 1, *measured, *by, *texts, simulated))
+    for row in split_rows(plan):
+        stated = [row.promise, row.probability] if counted else [row.probability]
+        texts = [probability_text(p, plan.probability) for p in stated]
+        measured = [_measured(plan.targets[row.name])] if words.requirement_column else []
+        by = [", ".join(row.entities)] if several else []
+        both = both_settings(plan, row.name)
+        rows.append((row.name, both, *measured, *by, *texts, _interval(row.rate)))
     return columns, rows
+
+
+def both_settings(plan: InspectionPlan, name: str) -> str:
+    """Return the numbers of the settings that measure the entities of a dimension."""
+    first, second = sorted(plan.ends[name].values())
+    return f"{first + 1} + {second + 1}"
 
 
 def tightest_margin(plan: InspectionPlan, setting: SensorSetting) -> str:
@@ -394,12 +410,17 @@ def print_simulation(
     )
     names = list(plan.entities)
     rows = []
+    named_rates = []
     for k, rates in enumerate(result.rates):
         for name, rate in rates.items():
-            interval = interval_text(rate.low, rate.high, " .. ")
-            predicted = probability_text(rate.predicted, plan.probability)
-            frequency = frequency_text(rate.successes, rate.n)
-            rows.append((name, k + 1, predicted, frequency, interval, words(rate.verdict)))
+            named_rates.append((name, str(k + 1), rate))
+    for name, rate in result.split.items():
+        named_rates.append((name, both_settings(plan, name), rate))
+    for name, place, rate in named_rates:
+        interval = interval_text(rate.low, rate.high, " .. ")
+        predicted = probability_text(rate.predicted, plan.probability)
+        frequency = frequency_text(rate.successes, rate.n)
+        rows.append((name, place, predicted, frequency, interval, words(rate.verdict)))
     print_table(columns, rows)
     _print_not_inspected(plan)
     if plan.features_text:

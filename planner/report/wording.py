@@ -362,7 +362,7 @@ def _counted(result: SimulationResult, n: int) -> str:
 
 def _largest(result: SimulationResult, kind: str) -> str:
     """Return the largest difference between prediction and frequency among rates of a kind."""
-    rates = [rate for rates in result.rates for rate in rates.values() if rate.verdict == kind]
+    rates = [rate for rate in result.all_rates if rate.verdict == kind]
     return f"{max(abs(rate.predicted - rate.frequency) for rate in rates):.2g}"
 
 
@@ -484,6 +484,7 @@ def verdict(plan: InspectionPlan) -> str:
     n = len(plan.settings)
     items = words_of(plan.targets).items
     sentences = [f"{_inspected_text(plan)}.", _dark_sentence(plan), features_sentence(plan)]
+    sentences.append(split_sentence(plan))
     if n:
         sentences.append(bound_sentence(plan, items))
         sentences += simulated_sentences(plan)
@@ -493,6 +494,19 @@ def verdict(plan: InspectionPlan) -> str:
         sentences.append(light_sentence(plan))
     sentences.append(unlit_sentence(plan))
     return " ".join(filter(None, sentences))
+
+
+def split_sentence(plan: InspectionPlan) -> str:
+    """Say which dimensions two settings measure together; nothing of a plan without such."""
+    if not plan.split:
+        return ""
+    parts = []
+    for name, ends in plan.ends.items():
+        first, second = sorted(ends.values())
+        parts.append(f"{name} by settings {first + 1} and {second + 1}")
+    verb = "is" if len(parts) == 1 else "are"
+    which = count(len(parts), "dimension")
+    return f"{which} {verb} measured by two settings, one entity in each: {', '.join(parts)}."
 
 
 def brief_verdict(plan: InspectionPlan) -> str:
@@ -505,6 +519,7 @@ def brief_verdict(plan: InspectionPlan) -> str:
         if not plan.complete:
             head += " for these" if len(plan.inspected) > 1 else " for this one"
     sentences = [f"{head}.", _dark_sentence(plan), features_sentence(plan)]
+    sentences.append(split_sentence(plan))
     if n and plan.request.poses is not None:
         sentences.append(bound_sentence(plan, words_of(plan.targets).items))
     if n and plan.simulation is not None and _all_confirmed(plan.simulation):

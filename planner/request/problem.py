@@ -183,7 +183,7 @@ class WitnessStates(NamedTuple):
     probability: NDArray[np.float64]
 
 
-def choice_for(camera: Camera, most: int) -> WitnessChoice:
+def choice_for(camera: Camera, most: int, *, apart: bool = False) -> WitnessChoice:
     """Return which witnesses to offer to a camera.
 
     Stretches are a quarter of the shorter side of its field, in focus.
@@ -194,11 +194,13 @@ def choice_for(camera: Camera, most: int) -> WitnessChoice:
         The camera.
     most : int
         Witnesses of a dimension at most. With 1 it is the preferred one, of whole entities.
+    apart : bool
+        Whether two images may show the entities of a dimension.
     """
     if most == 1:
         return PREFERRED
     across = min(camera.sensor_size_mm) * camera.focus_distance_mm / camera.image_distance_mm
-    return WitnessChoice(most, widest_view_mm(camera), across / 4)
+    return WitnessChoice(most, widest_view_mm(camera), across / 4, apart)
 
 
 def best_witnesses(witnesses: Witnesses, cam2world: NDArray[np.float64]) -> list[int]:

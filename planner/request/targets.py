@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errors.checks import percent_text
-from errors.measurands import Circle, Line, Localisation, Measurand, Position
+from errors.measurands import Circle, End, Line, Localisation, Measurand, Position
+from errors.measurands import can_be_split as measurand_can_be_split
 from errors.measurands.geometry import Geometry
 from errors.measurands.measurand import measurand
 from ground.convert import STATED, Meta
@@ -861,11 +862,41 @@ def edge_targets(entities: Mapping[str, Any], names: Sequence[str]) -> tuple[Tar
 
 
 def targets_of(targets: Mapping[str, Target], setting: Any) -> Mapping[str, Target]:
-    """Return targets of a plan, by name, as a setting measures them: each by the witness used there."""
+    """Return targets of a plan, by name, as a setting measures them: each by the witness used there, or one end."""
     chosen: Mapping[str, int] = getattr(setting, "witness", {})
-    if not chosen:
+    ends: Mapping[str, int] = getattr(setting, "ends", {})
+    if not chosen and not ends:
         return targets
-    return {**targets, **{name: targets[name].choosing(k) for name, k in chosen.items()}}
+    here = {**targets, **{name: targets[name].choosing(k) for name, k in chosen.items()}}
+    return {**here, **{name: end_of(here[name], k) for name, k in ends.items()}}
+
+
+END_SHARE = math.sqrt(0.5)
+"""Share of the permitted error that each end of a target may have: half of the variance."""
+
+
+def can_be_split(target: Target) -> bool:
+    """Return whether settings may measure the entities of a target apart."""
+    return isinstance(target, PlannedDimension) and measurand_can_be_split(target.measurand)
+
+
+def end_of(target: Target, entity: int) -> PlannedDimension:
+    """Return one entity of a target as a target of its own: what it has in the value, with its share of the error.
+
+    Parameters
+    ----------
+    target : Target
+        One that `can_be_split`. Each of its witnesses gives one of the end.
+    entity : int
+        Number of the entity.
+    """
+    assert isinstance(target, PlannedDimension)
+    witnesses = tuple(
+        Witness((witness.records[entity],), End(witness.measurand, entity))
+        for witness in target.witnesses
+    )
+    error = END_SHARE * target.permitted_error
+    return replace(target, witnesses=witnesses, permitted_error=error, tolerance=None, share=None)
 
 
 def words_of(targets: Mapping[str, Target]) -> TargetWords:
@@ -939,11 +970,14 @@ class WitnessChoice(NamedTuple):
         Two points that are farther apart are never in one sharp image.
     stretch_mm : float
         Of edges that are longer, stretches of about this length are considered, too.
+    apart : bool
+        Whether two images may show the entities of a dimension.
     """
 
     n_witnesses: int = 1
     widest_mm: float = np.inf
     stretch_mm: float = np.inf
+    apart: bool = False
 
 
 PREFERRED = WitnessChoice()
@@ -977,6 +1011,14 @@ def kept_witnesses(witnesses: Sequence[Witness], choice: WitnessChoice) -> list[
     ]
     fitting = [k for k in needed if _extent_mm(witnesses[k]) <= choice.widest_mm]
     candidates = fitting or needed[:1]
+    if not fitting and choice.apart and measurand_can_be_split(witnesses[needed[0]].measurand):
+        # no image shows all of it: of the shortest entities those in the middle
+        extents = [_longest_mm(witnesses[k]) for k in needed]
+        shortest = [
+            k for k, extent in zip(needed, extents, strict=True) if extent <= 1.01 * min(extents)
+        ]
+        if extents[0] > choice.widest_mm:
+            candidates = [shortest[len(shortest) // 2]]
     middles = np.array([witnesses[k].segments.reshape(-1, 3).mean(axis=0) for k in candidates])
     chosen = [0]
     while len(chosen) < min(choice.n_witnesses, len(candidates)):
@@ -985,6 +1027,15 @@ def kept_witnesses(witnesses: Sequence[Witness], choice: WitnessChoice) -> list[
         # of equally far ones the first: distances that differ by rounding are equal
         chosen.append(int(np.argmax(np.round(apart, 6))))
     return sorted(candidates[k] for k in chosen)
+
+
+def _longest_mm(witness: Witness) -> float:
+    """Return how far apart two points of one entity of a witness are at most."""
+    longest = 0.0
+    for shape in witness.geometry:
+        first, last = _farthest(_points_on(shape))
+        longest = max(longest, float(np.linalg.norm(last - first)))
+    return longest
 
 
 def _extent_mm(witness: Witness) -> float:

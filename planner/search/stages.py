@@ -33,6 +33,7 @@ from planner.light.plan_light import chosen_lamps
 from planner.plan import InspectionPlan
 from planner.progress import report
 from planner.request.problem import Problem
+from planner.request.split import NEVER, Split, split_names, split_problem
 from planner.search.columns import (
     Judge,
     Pools,
@@ -581,18 +582,23 @@ def prove_bound(run: SearchRun, incumbents: Incumbents) -> ProvenBound:
     state = run.state
     inspected = _inspected(run)
     columns = ProofColumns(run)
+    apart = entities_apart(run, inspected)
 
     def improve(poses: np.ndarray) -> np.ndarray:
         state.joined += 1
         columns.join(poses, derive_seed(run.seed, ["joined", str(state.joined)]))
         incumbents.offer(run)
-        return columns.membership[:, inspected]
+        return columns.membership[:, inspected][:, apart.owner]
 
     def raised(bound: int, weights: np.ndarray | None) -> None:
         incumbents.on_bound(run, ProvenBound(bound, SO_FAR, inspected, _of_all(weights)))
 
     def _of_all(weights: np.ndarray | None) -> np.ndarray | None:
-        return None if weights is None else of_all(weights, inspected)
+        if weights is None:
+            return None
+        # what inspects a target inspects all of its entities, in one setting or in several
+        of_targets = np.bincount(apart.owner, weights, minlength=int(inspected.sum()))
+        return of_all(of_targets.astype(float), inspected)
 
     checkpoint = run.checkpoint()
     proven = checkpoint.get("proven")
@@ -604,9 +610,9 @@ def prove_bound(run: SearchRun, incumbents: Incumbents) -> ProvenBound:
         proven = alone, exclusion_proof(run.problem, alone), None
     if proven is None:
         proven = lower_bound(
-            run.problem.restricted_to(run.names_of(inspected)),
+            apart.problem,
             enough,
-            columns.membership[:, inspected],
+            columns.membership[:, inspected][:, apart.owner],
             effort=run.effort,
             improve=improve,
             checkpoint=checkpoint,
@@ -620,6 +626,17 @@ def prove_bound(run: SearchRun, incumbents: Incumbents) -> ProvenBound:
     proven_bound = ProvenBound(bound, proof, inspected, _of_all(weights))
     incumbents.on_bound(run, proven_bound)
     return proven_bound
+
+
+def entities_apart(run: SearchRun, chosen: np.ndarray) -> Split:
+    """Return the request of a proof for some targets (k,): plans may split targets, so their entities count one by one.
+
+    Whatever images measure a target, each of its entities is in one of them, and meets the conditions of the proof
+    there.
+    """
+    problem = run.problem.restricted_to(run.names_of(chosen))
+    names = [] if run.request.split == NEVER else split_names(problem)
+    return split_problem(problem, names, any_way=True)
 
 
 def _inspected(run: SearchRun) -> np.ndarray:
@@ -639,9 +656,12 @@ def find_incompatible(run: SearchRun) -> None:
     """Find entities of which no setting inspects two: a bound long before the proof."""
     seen = np.flatnonzero(run.pool.inspected)
     if seen.size > 1:
-        columns = run.pool.membership[:, seen]
-        exclusive = exclusive_entities(run.problem, seen, columns, run.executor)
-        run.state.incompatible = tuple(np.array(run.names)[exclusive].tolist())
+        apart = entities_apart(run, run.pool.inspected)
+        columns = run.pool.membership[:, seen][:, apart.owner]
+        every = np.arange(len(apart.owner))
+        exclusive = exclusive_entities(apart.problem, every, columns, run.executor)
+        exclusive_targets = seen[np.unique(apart.owner[exclusive])]
+        run.state.incompatible = tuple(np.array(run.names)[exclusive_targets].tolist())
 
 
 def weigh_columns(run: SearchRun) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -29,6 +29,7 @@ from planner.verify.simulate_setting import (
     displaced_poses,
     simulate_setting,
 )
+from planner.verify.simulate_split import simulate_split
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -206,6 +207,8 @@ class SimulationResult:
     shown : ShownImages or None
         Number of images of displaced cameras in which software can find the edges. None if the plan
         sets no conditions on the image, or the call had no part.
+    split : dict of str to SuccessRate
+        Of each dimension whose entities two settings measure, how often both together give it accurately.
     """
 
     rates: Annotated[
@@ -216,6 +219,9 @@ class SimulationResult:
     seed: Count | None
     confidence: Fraction
     shown: Annotated[ShownImages | None, STATED] = None
+    split: Annotated[Mapping[str, SuccessRate], Meta(title="must map names to rates")] = field(
+        default_factory=dict
+    )
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
@@ -223,6 +229,11 @@ class SimulationResult:
             f"{count} {verdict}" for verdict, count in self.verdicts.items() if count
         )
         return f"<SimulationResult: {len(self.rates)} settings, {self.n} poses each: {counts or 'nothing to check'}>"
+
+    @property
+    def all_rates(self) -> list[SuccessRate]:
+        """The rates of all settings, and of what two settings measure together."""
+        return [*(rate for rates in self.rates for rate in rates.values()), *self.split.values()]
 
     @property
     def broken(self) -> tuple[tuple[int, str], ...]:
@@ -237,7 +248,7 @@ class SimulationResult:
     @property
     def verdicts(self) -> dict[str, int]:
         """Number of predictions per verdict; see `SuccessRate.verdict`."""
-        all_verdicts = [rate.verdict for rates in self.rates for rate in rates.values()]
+        all_verdicts = [rate.verdict for rate in self.all_rates]
         return {verdict: all_verdicts.count(verdict) for verdict in VERDICTS}
 
     @property
@@ -253,7 +264,7 @@ class SimulationResult:
     def worst_difference(self) -> float:
         """Largest absolute difference between a prediction and its frequency; 0 without settings."""
         return max(
-            (abs(r.predicted - r.frequency) for rates in self.rates for r in rates.values()),
+            (abs(rate.predicted - rate.frequency) for rate in self.all_rates),
             default=0.0,
         )
 
@@ -272,7 +283,11 @@ class SimulationResult:
             }
             for setting in self.rates
         )
-        return to_plain(replace(self, rates=rates))
+        split = {
+            name: replace(rate, predicted=below_one(rate.predicted))
+            for name, rate in self.split.items()
+        }
+        return to_plain(replace(self, rates=rates, split=split))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> SimulationResult:
@@ -337,7 +352,9 @@ def simulate_plan(
     if not hasattr(plan, "settings"):
         check_kinds(plan=(plan, "InspectionPlan"))
     seed = rng if isinstance(rng, int) else None
-    intervals = max(1, sum(len(setting.entities) for setting in plan.settings))
+    pairs: Mapping[str, Any] = getattr(plan, "split", {})
+    intervals = max(1, sum(len(setting.entities) for setting in plan.settings) + len(pairs))
+    confidence = 1.0 - (1.0 - _CONFIDENCE) / intervals
     rates = []
     for k, setting in enumerate(plan.settings):
         result = simulate_setting(
@@ -348,12 +365,22 @@ def simulate_plan(
             accuracy=plan.accuracy,
             n=n,
             rng=rng if seed is None else np.random.default_rng([seed, k]),
-            confidence=1.0 - (1.0 - _CONFIDENCE) / intervals,
+            confidence=confidence,
         )
         rates.append(result)
         report(progress, k + 1, len(plan.settings), "simulation")
     shown = None if solid is None else count_shown(plan, solid, n, seed, progress)
-    return SimulationResult(tuple(rates), n, seed, _CONFIDENCE, shown)
+    split = {
+        name: simulate_split(plan, name, n, _seed_of(rng, seed, k), confidence)
+        for k, name in enumerate(pairs)
+    }
+    return SimulationResult(tuple(rates), n, seed, _CONFIDENCE, shown, split)
+
+
+def _seed_of(rng: Any, seed: int | None, number: int) -> list[int]:
+    """Return the seed of a target that two settings measure."""
+    first = int(rng.integers(2**31)) if seed is None else seed
+    return [first, 2, number]
 
 
 # A simulation that ends in time: with as many displaced poses as fit, or not at all.

@@ -104,6 +104,7 @@ CHANGES = {
         "edge_break_mm was not given and is now [0.1, 0.3]",
     ),
     "poses": ({"poses": [np.eye(4)]}, "poses changed"),
+    "split": ({"split": "never"}, "split was 'auto' and is now 'never'"),
     "registration": ({"registration": Registration.own_edges()}, "registration changed"),
 }
 

@@ -666,6 +666,7 @@ BAD = {
     "--select": ["colour = red"],
     "--separation-px": NEGATIVE,
     "--settle": NEGATIVE,
+    "--split": ["always"],
     "--share": ["2"],
     "--sigma-hand-eye": ["0.1"],
     "--sigma-joints": NEGATIVE,

@@ -31,7 +31,7 @@ def texts(lines):
 
 
 def accepted(u, **fields):
-    (line,) = _accepted(dimension(**fields), SimpleNamespace(standard_uncertainty=u))
+    (line,) = _accepted(dimension(**fields), u)
     return line.text
 
 
