@@ -164,6 +164,11 @@ def dimensions(names):
     assert len(lines) == 2 + 12 + 2 + 6
 
 
+def from_a_drawing(names):
+    # a quarter of the zone of 0.2 mm: the value of a position is twice its deviation
+    assert float(names["printed"]) == pytest.approx(0.05)
+
+
 def cameras(names):
     # 2381.9 px of 0.00345 mm
     assert names["camera"].image_distance_mm == pytest.approx(2381.9 * 0.00345)
@@ -342,6 +347,7 @@ CHECKS = {
     for function in (
         tutorial,
         dimensions,
+        from_a_drawing,
         cameras,
         light,
         showing,
