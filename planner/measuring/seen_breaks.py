@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from errors.measurands import Decision, DecisionRule, decide, decide_deviation
+from errors.measurands import Bonus, Decision, DecisionRule, decide, decide_deviation
 from errors.measurands.measurand import COVERAGE
 from planner.measuring.breaks import px_across
 from planner.measuring.images import Picture
@@ -505,9 +505,14 @@ def _decided(result: Result, u: float, rule: DecisionRule) -> Decision:
     if result.tolerance is None or not good[0].deviation_mm:
         return decide(result.deviation, u, result.tolerance, rule)
     best = min(good, key=lambda reading: reading.standard_uncertainty)
-    covariance = np.array(best.covariance_mm2)
-    covariance += (u**2 - result.standard_uncertainty**2) * np.eye(len(covariance))
-    return decide_deviation(best.deviation_mm, covariance, result.tolerance[1], rule)[0]
+    joint = np.array(best.covariance_mm2)
+    joint += (u**2 - result.standard_uncertainty**2) * np.eye(len(joint))
+    n = len(best.deviation_mm)
+    bonus = None
+    if result.bonus_mm > 0:
+        # breaks move the size, too; what it has in common with the position is left out
+        bonus = Bonus(result.bonus_mm, math.sqrt(joint[-1, -1]), (0.0,) * n)
+    return decide_deviation(best.deviation_mm, joint[:n, :n], result.tolerance[1], rule, bonus)[0]
 
 
 def edges_text(

@@ -560,7 +560,8 @@ def test_a_part_of_nist_states_the_zone_of_its_holes():
     ("part", "hole", "zone"),
     [
         ("nist_ctc_02_ap242.stp", "Linear Size.4", ("flatness", 0.05, True)),
-        ("nist_ctc_02_ap242.stp", "Linear Size.6", ("profile", 0.1, False)),
+        # its face at z = 40 is one of the four faces of datum G
+        ("nist_ctc_02_ap242.stp", "Linear Size.6", ("profile", 0.1, True)),
         ("nist_d2mi_827-9999-904.stp", "Hole Dimension (193)", ("profile", 0.016 * 25.4, True)),
     ],
 )

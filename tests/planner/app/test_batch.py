@@ -363,6 +363,7 @@ def test_requests_that_differ_have_different_fingerprints(request_):
         "surfaces_mm": 0.1,
         "edge_break_mm": (0.1, 0.3),
         "registration": Registration.own_edges(),
+        "split": "never",
     }
     fields_ = {
         "camera": Camera.named("basler-acA2440-20gm-12mm"),

@@ -147,7 +147,7 @@ PART = str(EXAMPLES / "nist_ctc_01_ap242.stp")
 def test_the_table_names_value_tolerance_and_entities(capsys):
     assert main(["dimensions", PART]) == DONE
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "18 requirements (12 dimensions, 6 geometric); 12 measurable from edges"
+    assert lines[0] == "18 requirements (12 dimensions, 6 geometric); 14 measurable from edges"
     assert lines[1] == "12 dimensions, 8 with a tolerance, 12 measurable: 12 characteristics"
     row = next(line for line in lines if "Linear Size.1 " in line)
     assert row.split()[2:9] == ["diameter", "35", "mm", "0/-0.2", "mm", "1", "r8"]
