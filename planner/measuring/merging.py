@@ -153,7 +153,7 @@ def _position_result(
 ) -> Result:
     """Return the result of a position, by its best reading: two components, decided in a disc."""
     good = [reading for reading in readings if reading.measured]
-    best = min(good, key=lambda reading: float(np.trace(np.array(reading.covariance_mm2))))
+    best = surest(good)
     tolerance = target.tolerance or (0.0, 0.0)
     datums: tuple[str, ...] = ()
     if isinstance(target.measurand, Position):
@@ -189,6 +189,22 @@ def _position_result(
         material="" if target.material is None else target.material.condition,
         datums=datums,
     )
+
+
+def surest(readings: Sequence[Reading]) -> Reading:
+    """Return the reading of a position whose deviation has the least covariance; its size does not count.
+
+    Parameters
+    ----------
+    readings : sequence of Reading
+        Measured ones, at least one.
+    """
+
+    def spread(reading: Reading) -> float:
+        n = len(reading.deviation_mm)
+        return float(np.trace(np.array(reading.covariance_mm2)[:n, :n]))
+
+    return min(readings, key=spread)
 
 
 def _bonus(material: MaterialCondition | None, reading: Reading) -> Bonus | None:

@@ -32,6 +32,7 @@ from errors.measurands import Bonus, Decision, DecisionRule, decide, decide_devi
 from errors.measurands.measurand import COVERAGE
 from planner.measuring.breaks import px_across
 from planner.measuring.images import Picture
+from planner.measuring.merging import surest
 from planner.measuring.registered import Faces, Lamp, Registered
 from planner.measuring.results import Result, UnseenBreaks
 from planner.measuring.samples import EdgeTable, PartModel, across_of, pixels_of, profiles_of
@@ -504,7 +505,7 @@ def _decided(result: Result, u: float, rule: DecisionRule) -> Decision:
     good = [reading for reading in result.readings if reading.measured]
     if result.tolerance is None or not good[0].deviation_mm:
         return decide(result.deviation, u, result.tolerance, rule)
-    best = min(good, key=lambda reading: reading.standard_uncertainty)
+    best = surest(good)
     joint = np.array(best.covariance_mm2)
     joint += (u**2 - result.standard_uncertainty**2) * np.eye(len(joint))
     n = len(best.deviation_mm)
