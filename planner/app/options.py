@@ -811,7 +811,8 @@ class Program(ArmErrors, InCell):
     Attributes
     ----------
     format
-        language of the controller; ros: trajectories as JSON, json: all data
+        language of the controller; ros: trajectories as JSON, json: all data (default: by the suffix of --out, urscript
+        without it)
     out
         file to write; one that exists is replaced (default: inspection.script, .mod, .src, .csv, inspection_ros.json or
         program.json)
@@ -830,7 +831,7 @@ class Program(ArmErrors, InCell):
         same seed, same ways around obstacles
     """
 
-    format: Literal["urscript", "rapid", "krl", "ros", "csv", "json"] = "urscript"
+    format: Literal["urscript", "rapid", "krl", "ros", "csv", "json"] | None = None
     out: Annotated[str | None, _named("FILE", "--out", "-o")] = None
     speed: Annotated[float, value(SHARE, "S"), ABOVE_0_TO_1] = 0.5
     settle: Annotated[float, value(SECONDS, "S"), NOT_NEGATIVE] = 0.5

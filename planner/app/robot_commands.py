@@ -29,8 +29,8 @@ from planner.robotprogram.program import FixturedTour, RobotProgram, Stop
 from planner.robotprogram.program_texts import (
     FORMATS,
     CameraSignals,
-    check_program_file,
     check_program_speed,
+    format_of_file,
     write_program,
 )
 from planner.robotprogram.robot_program import (
@@ -47,15 +47,18 @@ if TYPE_CHECKING:
 
 # The command ``program``: a robot program that takes the images of a plan.
 
+# where neither a format nor a file is named
+_USUAL_LANGUAGE = "urscript"
+
 
 def program(options: Program) -> int:
     """Write a robot program, and print its rounds."""
-    out = FORMATS[options.format] if options.out is None else options.out
+    out = FORMATS[options.format or _USUAL_LANGUAGE] if options.out is None else options.out
     check_file_place(out, "--out", PROGRAM)
     if options.plan_out is not None:
         check_file_place(options.plan_out, "--plan-out", PLAN)
-    check_program_speed(options.speed, options.format)
-    check_program_file(Path(out), options.format, "--out")
+    language = format_of_file(Path(out), options.format, "--out")
+    check_program_speed(options.speed, language)
     signals = CameraSignals(
         settle_s=options.settle,
         trigger_output=options.trigger_output,
@@ -80,7 +83,7 @@ def program(options: Program) -> int:
         )
     if made.plan is not None:
         made.plan.write(str(options.plan_out))
-    path = write_program(made, out, format=options.format, signals=signals)
+    path = write_program(made, out, format=language, signals=signals)
     if options.json:
         print_json(made.to_dict())
     else:

@@ -402,27 +402,41 @@ _KRL_NAME = "inspection"
 _MOST_KRL_LETTERS = 24
 
 
-def check_program_file(path: Path, format: str, parameter: str) -> None:
-    """Raise an error if a program in KRL cannot have the name of its file, as controllers want it.
+def format_of_file(path: Path, format: str | None, parameter: str) -> str:
+    """Return the language of a program by its file, or check that both agree.
 
     Parameters
     ----------
     path : Path
         The file.
-    format : str
-        As for `program_text`.
+    format : str or None
+        As for `program_text`; None takes that of the suffix.
     parameter : str
         What the caller knows the file as.
+
+    Raises
+    ------
+    RequestError
+        If the suffix is unknown or that of another language, or KRL does not allow the file's name.
     """
-    name = path.stem
-    if format == "krl" and not re.fullmatch(
-        rf"[A-Za-z_]\w{{0,{_MOST_KRL_LETTERS - 1}}}", name, re.ASCII
+    of_suffix = _BY_SUFFIX.get(path.suffix.lower())
+    if format is None and of_suffix is None:
+        rule = f"must end in {', '.join(_BY_SUFFIX)}, or the format must be given"
+        raise RequestError.of_rule(parameter, rule, shown(str(path)))
+    language = format or str(of_suffix)
+    usual = Path(FORMATS.get(language, "")).suffix
+    if of_suffix is not None and usual not in ("", path.suffix.lower()):
+        rule = f"must end in {usual} for {language}: {path.suffix} is that of {of_suffix}"
+        raise RequestError.of_rule(parameter, rule, shown(path.name))
+    if language == "krl" and not re.fullmatch(
+        rf"[A-Za-z_]\w{{0,{_MOST_KRL_LETTERS - 1}}}", path.stem, re.ASCII
     ):
         rule = (
             f"must be named by up to {_MOST_KRL_LETTERS} letters, digits and _, not beginning with a digit: "
             "a program in KRL has the name of its file"
         )
         raise RequestError.of_rule(parameter, rule, shown(path.name))
+    return language
 
 
 def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
@@ -1159,7 +1173,7 @@ def write_program(
     Raises
     ------
     RequestError
-        If neither format nor suffix is known, or KRL does not allow the file's name.
+        If neither format nor suffix is known, they disagree, or KRL does not allow the file's name.
     OutputError
         If it cannot be written.
 
@@ -1176,14 +1190,9 @@ def write_program(
     'inspection.src'
     """
     path = Path(path)
-    if format is None:
-        format = _BY_SUFFIX.get(path.suffix.lower())
-    if format is None:
-        rule = f"must end in {', '.join(_BY_SUFFIX)}, or format must be given"
-        raise RequestError.of_rule("path", rule, shown(str(path)))
-    check_program_file(path, format, "path")
-    text = program_text(program, format, signals=signals)
-    if format == "krl":
+    language = format_of_file(path, format, "path")
+    text = program_text(program, language, signals=signals)
+    if language == "krl":
         text = text.replace(f"DEF {_KRL_NAME}( )", f"DEF {path.stem}( )", 1)
     write_text(path, text)
     return path

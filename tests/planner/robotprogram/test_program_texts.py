@@ -458,6 +458,20 @@ def test_files_by_suffix(name, language, tmp_path):
     assert path.read_text(encoding="utf-8") == program_text(program(), language)
 
 
+@pytest.mark.parametrize(
+    ("name", "language", "got"),
+    [
+        ("a.src", "rapid", r"must end in \.mod for rapid: \.src is that of krl"),
+        ("a.csv", "urscript", r"must end in \.script for urscript"),
+    ],
+)
+def test_a_file_has_the_suffix_of_its_language(name, language, got, tmp_path):
+    """A controller takes the language from it, and one program would replace that of another."""
+    with pytest.raises(RequestError, match=got):
+        write_program(program(), tmp_path / name, format=language)
+    assert not (tmp_path / name).exists()
+
+
 def test_bad_input(tmp_path):
     with pytest.raises(RequestError, match="format must be one of urscript, rapid"):
         program_text(program(), "fanuc")
