@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from planner.app.options import Command, rules_of
+from planner.app.process import write_error
 from planner.app.quantities import Count, localisation_words
 from planner.exceptions import CameraError, OutputError, RequestError
 from planner.files import GRAPHML, PICKER, PICTURE, Kind, check_file_place
@@ -31,10 +32,18 @@ def read_camera(text: str) -> Camera:
     path = Path(text)
     if path.suffix.lower() == ".toml" or path.is_file():
         try:
-            return Camera.from_toml(path)
+            camera = Camera.from_toml(path)
         except CameraError as error:
             # begins with the file, and the line that breaks a rule
             raise CameraError(f"--camera {error}") from None
+        if camera.seems_turned:
+            (across, down) = camera.principal_point_px or (0.0, 0.0)
+            (width, height) = camera.resolution
+            write_error(
+                f"note: --camera {text}: the principal point ({across:.6g}, {down:.6g}) is far from the middle of the "
+                f"image of {width} x {height} px, and fits {height} x {width}: are width and height exchanged?"
+            )
+        return camera
     try:
         return Camera.named(text)
     except CameraError as error:

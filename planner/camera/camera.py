@@ -175,6 +175,10 @@ def check_lens(lens: Mapping[str, Any], f_number: float, focus_distance_mm: floa
 # which stays at d, its cone of light has the diameter a·|d − d'|/d' = a·d·|1/s − 1/z|. Both
 # limits of the depth of field follow from that line.
 #
+# distances of a principal point from the middle, as shares of the larger side of an image
+_IN_THE_MIDDLE = 0.02
+_BESIDE = 0.05
+
 # A calibrated camera may have its principal point off the sensor's middle, and a lens with
 # distortion. Lengths are then those of the undistorted image, and `Camera.field` says what of it
 # the sensor holds.
@@ -593,6 +597,18 @@ class Camera:
     def is_centred(self) -> bool:
         """Whether the optical axis meets the sensor's middle, without lens distortion."""
         return self.principal_point_px is None and self.distortion is None
+
+    @property
+    def seems_turned(self) -> bool:
+        """Whether the principal point is in the middle of an image of exchanged width and height alone."""
+        if self.principal_point_px is None:
+            return False
+        (across, down) = self.principal_point_px
+        (width, height) = self.resolution
+        larger = max(width, height)
+        off = math.hypot(across - (width - 1) / 2, down - (height - 1) / 2)
+        off_exchanged = math.hypot(across - (height - 1) / 2, down - (width - 1) / 2)
+        return off > _BESIDE * larger and off_exchanged < _IN_THE_MIDDLE * larger
 
     def field(self, margin_px: float = 0.0) -> Field:
         """Return the part of the undistorted image on the sensor, without a strip along its edges.

@@ -214,3 +214,17 @@ def test_half_diagonal_is_the_angle_of_the_corner():
     camera = make()
     corner = np.linalg.inv(camera.matrix) @ [-0.5, -0.5, 1.0]
     assert math.tan(camera.half_diagonal_rad) == pytest.approx(math.hypot(*corner[:2]))
+
+
+@pytest.mark.parametrize(
+    ("size", "point", "turned"),
+    [
+        ((2048, 2448), (1219.7, 1030.2), True),
+        ((2448, 2048), (1219.7, 1030.2), False),
+        # off the middle of either size, as behind a shifted lens
+        ((2448, 2048), (900.0, 700.0), False),
+        ((2448, 2048), None, False),
+    ],
+)
+def test_an_exchanged_image_size_shows_in_the_principal_point(size, point, turned):
+    assert make(resolution=size, principal_point_px=point).seems_turned is turned
