@@ -32,18 +32,10 @@ def read_camera(text: str) -> Camera:
     path = Path(text)
     if path.suffix.lower() == ".toml" or path.is_file():
         try:
-            camera = Camera.from_toml(path)
+            return Camera.from_toml(path)
         except CameraError as error:
             # begins with the file, and the line that breaks a rule
             raise CameraError(f"--camera {error}") from None
-        if camera.seems_turned:
-            (across, down) = camera.principal_point_px or (0.0, 0.0)
-            (width, height) = camera.resolution
-            write_error(
-                f"note: --camera {text}: the principal point ({across:.6g}, {down:.6g}) is far from the middle of the "
-                f"image of {width} x {height} px, and fits {height} x {width}: are width and height exchanged?"
-            )
-        return camera
     try:
         return Camera.named(text)
     except CameraError as error:
@@ -266,11 +258,23 @@ def check_inputs(options: Command) -> None:
             raise RequestError.of_rule(name, f"must be given with --{other}", "none")
     camera = values.get("camera")
     if camera is not None:
-        read_camera(camera)
+        _tell_exchanged(read_camera(camera), camera)
     # last, because a file that can be written takes a second to check
     for name in ("picture", "graphml", "write"):
         if values.get(name):
             check_file_place(values[name], f"--{name}", _kind(name, values[name]))
+
+
+def _tell_exchanged(camera: Camera, text: str) -> None:
+    """Print a note on a calibration that fits an image of exchanged width and height."""
+    if not camera.seems_turned or camera.principal_point_px is None:
+        return
+    (across, down) = camera.principal_point_px
+    (width, height) = camera.resolution
+    write_error(
+        f"note: --camera {text}: the principal point ({across:.6g}, {down:.6g}) is far from the middle of the "
+        f"image of {width} x {height} px, and fits {height} x {width}: are width and height exchanged?"
+    )
 
 
 def _kind(name: str, path: str) -> Kind | None:
