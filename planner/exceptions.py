@@ -90,6 +90,8 @@ class InfeasibleError(PlannerError, RuntimeError):
         Whether it is proven that no pose meets the constraint. Otherwise the search found none.
     together : bool
         Whether poses meet each constraint alone. Then `constraint` is the one that fails by most.
+    why : str
+        The reason in a sentence that names neither constraint nor entity. Default: the message.
     """
 
     def __init__(
@@ -101,8 +103,10 @@ class InfeasibleError(PlannerError, RuntimeError):
         margin: float = float("nan"),
         proven: bool = False,
         together: bool = False,
+        why: str = "",
     ):
         super().__init__(message)
+        self.why = why or message
         self.proven = proven
         self.together = together
         self.constraint = constraint

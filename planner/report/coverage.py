@@ -6,6 +6,7 @@ boxes. Characteristics of one pattern are one requirement.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -86,6 +87,8 @@ def coverage(plan: InspectionPlan) -> list[Covered]:
     for number, setting in enumerate(plan.settings, start=1):
         for name in setting.entities:
             settings.setdefault(name, []).append(number)
+    for name in plan.unlit:
+        del settings[name]
     rows = [_of_targets(plan, name, members, settings) for name, members in groups.items()]
     rows += [
         Covered(NONE, _CLASSES[NONE], name, [], reason) for name, reason in plan.not_planned.items()
@@ -112,7 +115,11 @@ def _of_targets(
     mark = NONE
     if inspected:
         mark = ALL if len(inspected) == len(members) else SOME
-    numbers = sorted({settings[member][0] for member in inspected})
+    # a target that several settings show is taken from the first, or from one for each of its entities
+    shown_by = [
+        settings[member] if member in plan.ends else settings[member][:1] for member in inspected
+    ]
+    numbers = sorted(set(itertools.chain.from_iterable(shown_by)))
     texts = []
     if len(members) > 1:
         texts.append(f"{len(inspected)} of {len(members)}")
@@ -123,6 +130,8 @@ def _of_targets(
         str(plan.uninspectable[member]) for member in members if member in plan.uninspectable
     ]
     texts += dict.fromkeys(reasons)
+    if set(plan.unlit) & set(members):
+        texts.append("no lamp shows it")
     boxes = boxes_of(plan.targets[members[0]])
     if len(members) > 1:
         boxes[0] = f"{len(members)}× {boxes[0]}"

@@ -115,10 +115,13 @@ def check_resolvable(constraints: Constraints) -> None:
     margin = longest - constraints.min_length_mm
     if margin < 0:
         pixel = max(camera.pixel_pitch_mm)
+        why = (
+            f"it is {lengths[worst]:.6g} mm long. Where the lens focuses (from {nearest:.4g} mm), its image is at most "
+            f"{longest / pixel:.4g} px long, but must be at least {constraints.requirements.min_length_px:.4g} px."
+        )
         raise InfeasibleError(
-            f"resolution_mm cannot be met for entity {name!r}: it is {lengths[worst]:.6g} mm long. Where "
-            f"the lens focuses (from {nearest:.4g} mm), its image is at most {longest / pixel:.4g} px long, "
-            f"but must be at least {constraints.requirements.min_length_px:.4g} px.",
+            f"resolution_mm cannot be met for entity {name!r}: {why}",
+            why=why,
             constraint="resolution_mm",
             entity=name,
             margin=margin,
@@ -140,10 +143,14 @@ def check_extent(constraints: Constraints) -> None:
         names = list(
             dict.fromkeys(constraints.names[constraints.owner[i // 2]] for i in (first, second))
         )
-        who = (
-            f"entities {names[0]!r} and {names[1]!r}: their"
-            if len(names) > 1
-            else f"entity {names[0]!r}: its"
+        who = f"entity {names[0]!r}"
+        whose = "its"
+        if len(names) > 1:
+            who = f"entities {names[0]!r} and {names[1]!r}"
+            whose = "their"
+        why = (
+            f"{whose} ends are {apart[first, second]:.5g} mm apart, but where the lens focuses, the image covers at "
+            f"most {limit:.5g} mm."
         )
         margin = (
             (limit - apart[first, second])
@@ -152,8 +159,8 @@ def check_extent(constraints: Constraints) -> None:
             / min(camera.pixel_pitch_mm)
         )
         raise InfeasibleError(
-            f"field_of_view_px cannot be met for {who} ends are {apart[first, second]:.5g} mm apart, but where "
-            f"the lens focuses, the image covers at most {limit:.5g} mm.",
+            f"field_of_view_px cannot be met for {who}: {why}",
+            why=why,
             constraint="field_of_view_px",
             entity=names[-1],
             margin=float(margin),
@@ -170,10 +177,13 @@ def missing_corners(constraints: Constraints) -> dict[str, InfeasibleError]:
             # rounding of the model's own arithmetic is no place
             place = ", ".join(f"{round(x, 6) + 0.0:.6g}" for x in end)
             required_deg = constraints.requirements.showing.min_corner_deg
+            why = (
+                f"at ({place}) mm the edge ends in a tangent arc, so its length is undefined. Distances and angles "
+                f"are not affected. To measure its length, require no corner (0 instead of {required_deg:g} degrees)."
+            )
             errors[name] = InfeasibleError(
-                f"corner_deg cannot be met for entity {name!r}: at ({place}) mm the edge ends in a tangent "
-                "arc, so its length is undefined. Distances and angles are not affected. To measure its "
-                f"length, require no corner (0 instead of {required_deg:g} degrees).",
+                f"corner_deg cannot be met for entity {name!r}: {why}",
+                why=why,
                 constraint="corner_deg",
                 entity=name,
                 margin=-required_deg,

@@ -124,7 +124,7 @@ def _realised(judge: Judge, problem: Problem, seed: int, start: np.ndarray | Non
             search = replace(judge.effort.search, explain=len(names) == 1)
             setting = best_setting(problem, seed, objective=objective, search=search, start=start)
         except InfeasibleError as error:
-            return Outcome(reason=Reason.of(meaning(error), error))
+            return Outcome(reason=Reason.of(meaning(error), error.why))
         if best is None or min(setting.probability.values()) > min(best.probability.values()):
             best = setting
         if min(best.probability.values()) >= problem.probability or len(names) == 1:
@@ -135,7 +135,7 @@ def _realised(judge: Judge, problem: Problem, seed: int, start: np.ndarray | Non
 def without_corners(judge: Judge) -> dict[str, Reason]:
     """Return the entities that no pose can inspect as they lack a corner that is asked for, and the reason."""
     return {
-        name: Reason.of(meaning(error), error)
+        name: Reason.of(meaning(error), error.why)
         for name, error in missing_corners(judge.problem.first.constraints).items()
     }
 

@@ -20,6 +20,7 @@ from planner.report.coverage import (
     verdict_text,
 )
 from planner.request.dimension import MaterialCondition
+from planner.sensor_setting import SplitValue
 
 TOP = plate.TOP
 RIM = Circle([20.0, 25.0, TOP], plate.UP, 8.0)
@@ -85,3 +86,23 @@ def test_a_position_has_its_zone_condition_and_datums_in_boxes():
 )
 def test_features_and_positions_of_one_requirement_share_its_name(name, requirement):
     assert requirement_name(name) == requirement
+
+
+def test_a_dimension_of_two_settings_names_both(plan):
+    both = ("width", "bore [1 of 2]")
+    first = replace(plan.settings[0], ends={"width": 0})
+    second = replace(
+        plan.settings[0], entities=("width",), probability={"width": 0.95}, ends={"width": 1}
+    )
+    split = changed(
+        plan, settings=(first, second), split={"width": SplitValue(0.95, 0.94, 20_000, 0.01)}
+    )
+    assert set(both) <= set(split.inspected)
+    assert next(row.text for row in coverage(split)) == "settings 1, 2"
+
+
+def test_what_no_lamp_shows_is_not_covered(plan, monkeypatch):
+    monkeypatch.setattr(type(plan), "unlit", ("width",))
+    width, bore, _ = coverage(plan)
+    assert (width.mark, width.text) == (NONE, "no lamp shows it")
+    assert bore.mark == SOME
