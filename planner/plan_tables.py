@@ -266,9 +266,10 @@ class PlanTables(ShownInNotebook):
         total = len(self.targets)
         shown = total - len(self.uninspectable) - len(self.unlit)
         settings = "1 setting" if len(self.settings) == 1 else f"{len(self.settings)} settings"
+        dark = f" with the {len(self.unlit)} without light" if self.unlit else ""
         return (
             f"{self.part or 'part'}: {shown} of {total} inspected in {settings} (at least "
-            f"{self.lower_bound} needed), A = {self.accuracy:g}, P ≥ {self.probability:g}"
+            f"{self.lower_bound} needed{dark}), A = {self.accuracy:g}, P ≥ {self.probability:g}"
             f"{'; ' if self.features_text else ''}{self.features_text}"
         )
 

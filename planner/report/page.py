@@ -60,6 +60,7 @@ from planner.report.tables import (
 from planner.report.wording import (
     bound_sentence,
     calibration_rows,
+    dark_note,
     edges_text,
     evolved_sentence,
     features_sentence,
@@ -850,9 +851,9 @@ def _figures(plan: InspectionPlan) -> list[tuple[str, str]]:
 def _bound_label(plan: InspectionPlan) -> str:
     """Name the lower bound; of an incomplete plan with the targets it is about."""
     label = "proven minimum" if plan.minimal else "proven lower bound"
-    if plan.complete:
+    if plan.complete and not plan.unlit:
         return label
-    return f"{label} for the inspected {_nouns(plan)[len(plan.inspected) > 1]}"
+    return f"{label} for the inspected {_nouns(plan)[len(plan.inspected) > 1]}{dark_note(plan)}"
 
 
 def _edge_notices(plan: InspectionPlan) -> list[Notice]:

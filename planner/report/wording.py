@@ -83,9 +83,10 @@ def bound_sentence(
         return ""
     these = f"all {inspected} {nouns[1]}" if inspected > 1 else f"the {nouns[0]}"
     scope = ""
-    if not plan.complete:
+    if plan.unlit or not plan.complete:
         these = "them" if inspected > 1 else "it"
-        scope = f" for the {count(inspected, f'inspected {nouns[0]}', f'inspected {nouns[1]}')}"
+        inspected_nouns = (f"inspected {nouns[0]}", f"inspected {nouns[1]}")
+        scope = f" for the {count(inspected, *inspected_nouns)}{dark_note(plan)}"
     if plan.request.poses is not None:
         number = count(len(plan.request.poses), "given pose")
         others = " Other poses may do with fewer." if n > 1 else ""
@@ -99,6 +100,13 @@ def bound_sentence(
         f"Every plan that inspects {these} under this request has at least {count(bound, place)}"
     )
     return f"Proven lower bound{scope}: {bound}. {proof}."
+
+
+def dark_note(plan: InspectionPlan) -> str:
+    """Say that a bound counts targets that no lamp shows, since it is about poses; nothing without such."""
+    if not plan.unlit:
+        return ""
+    return f", {len(plan.unlit)} of them without light"
 
 
 def given_text(plan: InspectionPlan) -> str:
@@ -516,7 +524,9 @@ def brief_verdict(plan: InspectionPlan) -> str:
     if n and plan.request.poses is None:
         bound = f"; at least {plan.lower_bound} {'is' if plan.lower_bound == 1 else 'are'} needed"
         head += ", proven to be the fewest" if plan.minimal else bound
-        if not plan.complete:
+        if plan.unlit:
+            head += f" for the {len(plan.inspected)} that poses inspect{dark_note(plan)}"
+        elif not plan.complete:
             head += " for these" if len(plan.inspected) > 1 else " for this one"
     sentences = [f"{head}.", _dark_sentence(plan), features_sentence(plan)]
     sentences.append(split_sentence(plan))

@@ -354,6 +354,10 @@ def test_what_no_lamp_shows_is_not_counted_as_inspected():
     for text in (brief_verdict(made), verdict(made)):
         assert text.startswith(f"1 of {n} entities inspected from 2 settings")
         assert "No lamp shows top right." in text
+        # both are counted by the bound
+        assert re.search(
+            r"2 (that poses inspect|inspected entities), 1 of them without light", text
+        )
     assert f"1 of {n} entities inspected" in repr(made)
     assert replace(made, light=replace(light, unlit=({}, {}))).unlit == ()
 
