@@ -13,6 +13,7 @@ from planner import (
     Effort,
     InspectionOptions,
     PoseUncertainty,
+    ReasonKind,
     RequestError,
     look_at,
     plan_inspection,
@@ -92,7 +93,8 @@ def test_an_edge_that_a_plan_refuses_for_its_corners_is_refused_by_predict():
     solid = solid_of("examples/nist_ctc_01_ap242.stp")
     wanted = {"slot": [[-325, -20, 0], [-245, -20, 0]]}
     plan = plan_inspection(solid, wanted, CAMERA, SIGMA, accuracy=0.95, effort=EFFORT)
-    assert "corner_deg cannot be met" in plan.uninspectable["slot"]
+    assert plan.uninspectable["slot"].kind is ReasonKind.NO_CORNER
+    assert "ends in a tangent arc" in plan.uninspectable["slot"]
     pose = look_at([[-285, -20, 300]], [-285, -20, 0])[0]
     told = predict(solid, wanted, pose, CAMERA, SIGMA, accuracy=0.95, options=OPTIONS)["slot"]
     assert not told.inspected
