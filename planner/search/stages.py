@@ -33,7 +33,7 @@ from planner.light.plan_light import chosen_lamps
 from planner.plan import InspectionPlan
 from planner.progress import report
 from planner.request.problem import Problem
-from planner.request.split import NEVER, Split, split_names, split_problem
+from planner.request.split import ends_apart
 from planner.search.columns import (
     Judge,
     Pools,
@@ -48,6 +48,7 @@ from planner.search.evolution import Centring
 from planner.search.incumbents import (
     SO_FAR,
     Incumbents,
+    Needed,
     PlanState,
     SearchRun,
     as_simulated,
@@ -55,6 +56,7 @@ from planner.search.incumbents import (
     candidate_settings,
     empty_pools,
     in_order_of_arm,
+    may_split,
 )
 from planner.search.plan_setting import setting_at, without
 from planner.search.realise_column import (
@@ -231,7 +233,7 @@ class ShortTargets:
             self.reached[name] = max(self.reached[name], p_all)
 
 
-Proven = Callable[[SearchRun, Sequence[SensorSetting]], tuple[int, str]]
+Proven = Callable[[SearchRun, Sequence[SensorSetting]], Needed]
 
 
 class Settled(NamedTuple):
@@ -249,7 +251,13 @@ class Settled(NamedTuple):
     lost: dict[str, Reason]
 
 
-def settle(run: SearchRun, inspected: np.ndarray, *, moves: bool = True) -> Settled:
+def settle(
+    run: SearchRun,
+    inspected: np.ndarray,
+    *,
+    moves: bool = True,
+    ready: Sequence[SensorSetting] = (),
+) -> Settled:
     """Choose the final cover and give every column in it the best pose that simulation supports.
 
     Parameters
@@ -260,6 +268,9 @@ def settle(run: SearchRun, inspected: np.ndarray, *, moves: bool = True) -> Sett
         Entities that are to be covered.
     moves : bool
         Whether the poses are moved off their limits.
+    ready : sequence of SensorSetting
+        Settings of another plan, off their limits already. Where one of them serves for a column, it stays where it
+        is, and that column is searched no more.
     """
     pool = run.pool
     problem = run.problem
@@ -269,6 +280,7 @@ def settle(run: SearchRun, inspected: np.ndarray, *, moves: bool = True) -> Sett
         run.rng("settings"),
         pool.quality,
     )
+    there, chosen = _already_there(run, chosen, inspected, ready)
     candidates = [
         setting_at(
             problem, pool.poses[c], names, "candidate pose", seed=derive_seed(run.seed, names)
@@ -283,8 +295,42 @@ def settle(run: SearchRun, inspected: np.ndarray, *, moves: bool = True) -> Sett
     def centre(some: Sequence[SensorSetting]) -> list[SensorSetting]:
         return centre_all(run, some, centring)
 
-    settled = _without_short(run, centre(settings), centre)
+    settled = _without_short(run, [*there, *centre(settings)], centre)
     return settled._replace(settings=without_spare(run, settled.settings, centre))
+
+
+def _already_there(
+    run: SearchRun,
+    chosen: Sequence[int],
+    inspected: np.ndarray,
+    ready: Sequence[SensorSetting],
+) -> tuple[list[SensorSetting], list[int]]:
+    """Return settings that serve for chosen columns of the pool from where they are, and the other columns."""
+    if not ready:
+        return [], list(chosen)
+    there = []
+    others = []
+    unused = list(ready)
+    inspects = list(run.judge(np.array([setting.cam2world for setting in ready])).inspects)
+    poses = poses_stated(sum(len(setting.entities) for setting in ready))
+    for c in chosen:
+        column = run.pool.membership[c] & inspected
+        names = run.names_of(column)
+        index = next((k for k in range(len(unused)) if inspects[k][column].all()), None)
+        if index is None or not names:
+            others.append(c)
+            continue
+        old = unused[index]
+        setting = setting_at(run.problem, old.cam2world, names, old.message, old.seed, old.nfev)
+        setting = replace(setting, generations=old.generations)
+        contradicted = run.promises.contradicted_in(setting)
+        setting = with_p_all(run.judge, setting, derive_seed(run.seed, names), poses)
+        if contradicted or not all(keeps(run.judge, p) for p in setting.p_all.values()):
+            others.append(c)
+            continue
+        there.append(setting)
+        del unused[index], inspects[index]
+    return there, others
 
 
 def without_spare(
@@ -361,7 +407,7 @@ def settle_early(run: SearchRun, plan: InspectionPlan, proven: Proven) -> Inspec
     plan : InspectionPlan
         The best plan so far.
     proven : callable
-        ``proven(run, settings)`` returns the bound for what settings inspect, and what it rests on.
+        ``proven(run, settings)`` returns the bounds for what settings inspect.
     """
     moved = centre_all(
         run,
@@ -373,14 +419,12 @@ def settle_early(run: SearchRun, plan: InspectionPlan, proven: Proven) -> Inspec
     settings = settled.settings
     if run.problem.requirements.cell is not None:
         settings = in_order_of_arm(run.problem, settings, unfinished=True)
-    bound, proof = proven(run, settings)
-    return replace(
+    ended = replace(
         plan,
         settings=tuple(settings),
-        lower_bound=bound,
-        bound_proof=proof,
         uninspectable={**plan.uninspectable, **settled.lost},
     )
+    return proven(run, settings).stated_in(ended)
 
 
 def _without_short(
@@ -582,23 +626,18 @@ def prove_bound(run: SearchRun, incumbents: Incumbents) -> ProvenBound:
     state = run.state
     inspected = _inspected(run)
     columns = ProofColumns(run)
-    apart = entities_apart(run, inspected)
 
     def improve(poses: np.ndarray) -> np.ndarray:
         state.joined += 1
         columns.join(poses, derive_seed(run.seed, ["joined", str(state.joined)]))
         incumbents.offer(run)
-        return columns.membership[:, inspected][:, apart.owner]
+        return columns.membership[:, inspected]
 
     def raised(bound: int, weights: np.ndarray | None) -> None:
         incumbents.on_bound(run, ProvenBound(bound, SO_FAR, inspected, _of_all(weights)))
 
     def _of_all(weights: np.ndarray | None) -> np.ndarray | None:
-        if weights is None:
-            return None
-        # what inspects a target inspects all of its entities, in one setting or in several
-        of_targets = np.bincount(apart.owner, weights, minlength=int(inspected.sum()))
-        return of_all(of_targets.astype(float), inspected)
+        return None if weights is None else of_all(weights, inspected)
 
     checkpoint = run.checkpoint()
     proven = checkpoint.get("proven")
@@ -610,9 +649,9 @@ def prove_bound(run: SearchRun, incumbents: Incumbents) -> ProvenBound:
         proven = alone, exclusion_proof(run.problem, alone), None
     if proven is None:
         proven = lower_bound(
-            apart.problem,
+            run.problem.restricted_to(run.names_of(inspected)),
             enough,
-            columns.membership[:, inspected][:, apart.owner],
+            columns.membership[:, inspected],
             effort=run.effort,
             improve=improve,
             checkpoint=checkpoint,
@@ -626,17 +665,6 @@ def prove_bound(run: SearchRun, incumbents: Incumbents) -> ProvenBound:
     proven_bound = ProvenBound(bound, proof, inspected, _of_all(weights))
     incumbents.on_bound(run, proven_bound)
     return proven_bound
-
-
-def entities_apart(run: SearchRun, chosen: np.ndarray) -> Split:
-    """Return the request of a proof for some targets (k,): plans may split targets, so their entities count one by one.
-
-    Whatever images measure a target, each of its entities is in one of them, and meets the conditions of the proof
-    there.
-    """
-    problem = run.problem.restricted_to(run.names_of(chosen))
-    names = [] if run.request.split == NEVER else split_names(problem)
-    return split_problem(problem, names, any_way=True)
 
 
 def _inspected(run: SearchRun) -> np.ndarray:
@@ -653,15 +681,20 @@ def _inspected(run: SearchRun) -> np.ndarray:
 
 
 def find_incompatible(run: SearchRun) -> None:
-    """Find entities of which no setting inspects two: a bound long before the proof."""
+    """Find targets of which no setting inspects two: a bound long before the proof. The same of ends, if they count."""
     seen = np.flatnonzero(run.pool.inspected)
-    if seen.size > 1:
-        apart = entities_apart(run, run.pool.inspected)
-        columns = run.pool.membership[:, seen][:, apart.owner]
-        every = np.arange(len(apart.owner))
-        exclusive = exclusive_entities(apart.problem, every, columns, run.executor)
-        exclusive_targets = seen[np.unique(apart.owner[exclusive])]
-        run.state.incompatible = tuple(np.array(run.names)[exclusive_targets].tolist())
+    if seen.size < 2:
+        return
+    names = np.array(run.names)
+    exclusive = exclusive_entities(run.problem, seen, run.pool.membership[:, seen], run.executor)
+    run.state.incompatible = tuple(names[exclusive].tolist())
+    if not may_split(run):
+        return
+    apart = ends_apart(run.problem, names[seen].tolist())
+    columns = run.pool.membership[:, seen][:, apart.owner]
+    every = np.arange(len(apart.owner))
+    ends = exclusive_entities(apart.problem, every, columns, run.executor)
+    run.state.incompatible_ends = tuple(names[seen[np.unique(apart.owner[ends])]].tolist())
 
 
 def weigh_columns(run: SearchRun) -> None:
@@ -689,6 +722,15 @@ def weigh_columns(run: SearchRun) -> None:
     )
 
 
+def without_unproven(problem: Problem) -> Problem | None:
+    """Return a request without the conditions that the proof does not use; None if it has none."""
+    need = problem.requirements
+    showing = replace(need.showing, separation_px=0.0, min_corner_deg=0.0)
+    if showing == need.showing and need.cell is None:
+        return None
+    return replace(problem, requirements=replace(need, showing=showing, cell=None))
+
+
 class ProofColumns:
     """The columns that the proof's weights come from: those of the plan, or of a request without some conditions."""
 
@@ -698,12 +740,7 @@ class ProofColumns:
     @cached_property
     def relaxed(self) -> Problem | None:
         """The request without the conditions that the proof does not use; None if it has none."""
-        problem = self._run.problem
-        need = problem.requirements
-        showing = replace(need.showing, separation_px=0.0, min_corner_deg=0.0)
-        if showing == need.showing and need.cell is None:
-            return None
-        return replace(problem, requirements=replace(need, showing=showing, cell=None))
+        return without_unproven(self._run.problem)
 
     @cached_property
     def shared(self) -> Shared:
