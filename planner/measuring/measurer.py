@@ -50,7 +50,13 @@ from planner.measuring.results import (
     Source,
 )
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartEdge, PartModel
-from planner.measuring.seen_breaks import edges_text, seen_break, seen_notes, unseen_breaks
+from planner.measuring.seen_breaks import (
+    UNCLEAR_PX,
+    edges_text,
+    seen_break,
+    seen_notes,
+    unseen_breaks,
+)
 from planner.measuring.task import (
     REPEATABILITY,
     NotRegisteredError,
@@ -517,8 +523,9 @@ class Measurer:
         seen = seen_break(self.model, pictures, poses)
         edge_notes = seen_notes(seen, self.edge_state(options))
         uses_seen = seen is not None and not self.edge_state(options).stated
+        is_broken = seen is not None or self._is_wide(self.edge_state(options), poses)
         response = judge_response(
-            self.model, pictures, poses, self._edges_half_px(poses), seen is not None
+            self.model, pictures, poses, self._edges_half_px(poses), is_broken
         )
         pictures = response.pictures
         if seen is not None and uses_seen:
@@ -1023,8 +1030,18 @@ class Measurer:
         of_target = getattr(target, "edge_break_mm", None)
         return EdgeState.of(of_target, options.edge_break_mm, self.plan.request.edge_break_mm)
 
+    def _is_wide(self, state: EdgeState, registered: Mapping[str, Registered]) -> bool:
+        """Return whether edges are stated as broken so widely that light beside them is asymmetric."""
+        if not state.stated or not registered:
+            return False
+        return state.high_mm > UNCLEAR_PX * self._pixel_mm(registered)
+
     def _unseen_mm(self, registered: Mapping[str, Registered]) -> float:
-        """Return the largest break that images do not show, mm: so many pixels in the middle of the part."""
+        """Return the largest break that images do not show, mm."""
+        return min(UNSEEN_PX * self._pixel_mm(registered), MOST_UNSEEN_MM)
+
+    def _pixel_mm(self, registered: Mapping[str, Registered]) -> float:
+        """Return how much a pixel is in the middle of the part, mm; 0 without images."""
         camera = self.plan.camera
         solid = self.model.solid
         middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
@@ -1035,7 +1052,7 @@ class Measurer:
         pitch = float(max(camera.pixel_pitch_mm)) / camera.image_distance_mm
         if not depths:
             return 0.0
-        return min(UNSEEN_PX * pitch * float(np.median(depths)), MOST_UNSEEN_MM)
+        return pitch * float(np.median(depths))
 
     def _floor_px(self, planned: Localisation, options: MeasureOptions) -> float:
         if options.localisation is not None:
