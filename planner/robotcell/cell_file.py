@@ -187,6 +187,8 @@ class RobotTable:
     bodiless_links: Any = None
     coupled: Any = None
     axis_limits_deg: tuple[Triple, ...] = ()
+    calibration: FileName | None = None
+    joint_offsets_deg: tuple[float, ...] = ()
 
     def robot(self, folder: Path) -> Robot:
         """Return the robot, which is read from its files."""
@@ -198,6 +200,8 @@ class RobotTable:
                 [axis, *np.radians([low, high]).tolist()]
                 for axis, low, high in self.axis_limits_deg
             ],
+            calibration=None if self.calibration is None else folder / self.calibration,
+            joint_offsets=np.radians(self.joint_offsets_deg).tolist(),
             **_stated(self, *names),
         )
 
@@ -392,8 +396,9 @@ def _box_table(box: Any) -> dict[str, Any]:
 
 def _name_files_from(content: dict[str, Any], old: Path, new: Path) -> None:
     """Make names of files that are relative to one folder relative to another one."""
-    places = [(content["robot"], "urdf")]
-    places += [(content["robot"]["packages"], key) for key in content["robot"].get("packages", {})]
+    robot = content["robot"]
+    places = [(robot, key) for key in ("urdf", "calibration") if key in robot]
+    places += [(robot["packages"], key) for key in robot.get("packages", {})]
     bodies = [*content.get("camera_body", []), *content.get("obstacles", {}).values()]
     for fixturing in content["fixturings"].values():
         for kind in ("obstacles", "turning"):
