@@ -3,8 +3,8 @@
 A table stands between two comments, `<!-- table NAME -->` and `<!-- end of table -->`. Its rows come from the program,
 or from a file in `docs/measured` where computing them takes long. That file states the command, the date, the program
 and the digests of its inputs. `--models FOLDER` reads the models in a folder again, and stores what it finds.
-`--example FOLDER` stores what `measure` wrote there of the images in `examples/measured`. `--real-images CSV ...` stores
-what `benchmarks/images/real_images.py` wrote.
+`--example FOLDER` stores what `measure` wrote there of the images in `examples/measured`. `--real-images CSV ...`
+stores what `benchmarks/images/real_images.py` wrote.
 """
 
 from __future__ import annotations
