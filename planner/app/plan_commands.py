@@ -105,7 +105,7 @@ from planner.request.dimension import Dimension
 from planner.request.words import features_text, n_not_planned
 from planner.resume import read_state, state_difference
 from planner.robotcell.arm import unchecked_text
-from planner.text_table import Column, print_table, print_text, words
+from planner.text_table import Column, enumerated, print_table, print_text, words
 from planner.verify.simulate_plan import simulate_plan
 
 if TYPE_CHECKING:
@@ -447,8 +447,7 @@ def _turned(angle_deg: float | None) -> str:
 
 def listed(names: list[str]) -> str:
     """Return names in quotes, the last behind an and."""
-    quoted = [repr(name) for name in names]
-    return " and ".join(filter(None, [", ".join(quoted[:-1]), *quoted[-1:]]))
+    return enumerated([repr(name) for name in names])
 
 
 def graph(options: Graph) -> int:

@@ -44,7 +44,7 @@ from planner.request.dimension import is_one_sided
 from planner.request.targets import targets_of, words_of
 from planner.request.words import deviation_text, tolerance_text
 from planner.rows import Row, split_rows
-from planner.text_table import Column, Table
+from planner.text_table import Column, Table, digits_text
 from planner.verify.setting_record import Measurement, measurements
 
 if TYPE_CHECKING:
@@ -373,12 +373,12 @@ def _row(plan: InspectionPlan, k: int, name: str, measurement: Measurement) -> l
     return [
         [CellLine(name), CellLine(f"{_what(dimension)}{alone}", "note")],
         _nominal(dimension),
-        unbroken(f"{expanded:.3g} {dimension.unit}"),
+        unbroken(f"{digits_text(expanded, 3)} {dimension.unit}"),
         _ratio(dimension, expanded),
         _permitted(dimension, measurement),
         [k + 1],
         _probability(plan, k, name),
-        f"{measurement.standard_uncertainty:.3g}",
+        digits_text(measurement.standard_uncertainty, 3),
         _budget(dimension, measurement),
         _accepted(dimension, measurement.standard_uncertainty),
         measurement.binding,
@@ -401,12 +401,12 @@ def _split_row(plan: InspectionPlan, row: Row) -> list[Any]:
     return [
         [CellLine(row.name), CellLine(_what(dimension), "note")],
         _nominal(dimension),
-        unbroken(f"{expanded:.3g} {dimension.unit}"),
+        unbroken(f"{digits_text(expanded, 3)} {dimension.unit}"),
         _ratio(dimension, expanded),
         [CellLine(unbroken(f"±{dimension.permitted_error:.4g} {dimension.unit}"))],
         [first + 1, second + 1],
         promise,
-        f"{row.standard_uncertainty:.3g}",
+        digits_text(row.standard_uncertainty, 3),
         [],
         _accepted(dimension, row.standard_uncertainty),
         "both entities together",
@@ -433,7 +433,7 @@ def _permitted(dimension: PlannedDimension, measurement: Measurement) -> list[Ce
     """Return the permitted error, in the image too, and its share of the tolerance."""
     lines = [CellLine(unbroken(f"±{dimension.permitted_error:.4g} {dimension.unit}"))]
     if measurement.permitted_error_px is not None:
-        lines.append(CellLine(unbroken(f"{measurement.permitted_error_px:.3g} px")))
+        lines.append(CellLine(unbroken(f"{digits_text(measurement.permitted_error_px, 3)} px")))
     if dimension.share_text:
         lines.append(CellLine(unbroken(dimension.share_text), "note"))
     return lines
