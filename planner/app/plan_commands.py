@@ -26,6 +26,7 @@ from aspectgraph import (
     light_graph_of,
     read_requirements,
 )
+from aspectgraph.read.step.text import UNIT_NOTE
 from aspectgraph.visibility.visibility_regions import KeptRegions
 from planner.app.batch import (
     PLAN_FILE,
@@ -498,6 +499,9 @@ def dimensions(options: Dimensions) -> int:
     if options.json:
         print_json([requirement.to_dict() for requirement in stated])
     else:
+        for text in solid.notes:
+            if text.startswith(UNIT_NOTE):
+                print_text(f"note: {text}")
         terminal_tables.print_requirements(stated)
     return DONE
 
