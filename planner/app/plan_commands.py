@@ -754,6 +754,11 @@ def predict(options: Predict) -> int:
         )
     else:
         terminal_tables.print_prediction(predicted, pose_file.source, pose_file.frame)
+        if pose_file.light:
+            print_text(
+                f"note: the light of that plan ({pose_file.light}) is not considered: targets that it does not "
+                "show count as inspected here. plan --poses with --light considers it"
+            )
         print_unit(options.part, options.units)
         _print_left_out(targets)
         if text := localisation_text(options, targets.items):

@@ -524,10 +524,17 @@ def _check_names(files: Mapping[str, Any], shots: list[Shot], partial: bool) -> 
         hint = "" if extra or partial else "--partial measures what is there"
         raise RequestError.of_rule(
             "images",
-            f"must be the {len(names)} images of the plan, {names[0]} to {names[-1]}",
+            f"must be {_all_of(names)}",
             " and ".join(parts),
             hint=hint,
         )
+
+
+def _all_of(names: list[str]) -> str:
+    """Return what the images must be."""
+    if len(names) == 1:
+        return f"the image of the plan, {names[0]}"
+    return f"the {len(names)} images of the plan, {names[0]} to {names[-1]}"
 
 
 def _listed(names: list[str]) -> str:

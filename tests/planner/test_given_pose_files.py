@@ -1,6 +1,7 @@
 """Poses come back from files as OpenCV, ROS, robot programs and spreadsheets write them."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,9 +10,11 @@ from scipy.spatial.transform import Rotation
 from aspectgraph import read_solid
 from planner import (
     Cell,
+    LightPlan,
     PoseFileError,
     RequestError,
     look_at,
+    pose_files,
     read_plan,
     read_poses,
     robot_program,
@@ -313,3 +316,14 @@ def test_a_unit_that_contradicts_the_file_is_refused(tmp_path):
         read_poses(path, units="m")
     with pytest.raises(PoseFileError, match="units must be one of mm, cm"):
         read_poses(path, units="parsec")
+
+
+def test_the_light_of_a_plan_is_known(tmp_path, monkeypatch):
+    """What a plan's light does not show is no fault of its poses."""
+    plan = read_plan(PLAN)
+    assert read_poses(PLAN).light == ""
+    dark = ({},) * len(plan.settings)
+    images = ((),) * len(plan.settings)
+    lamp = LightPlan("placed", 0.1, 0.1, "dark", np.ones((1, 3)), images, dark, 1, "by hand")
+    monkeypatch.setattr(pose_files, "read_plan", lambda path: replace(plan, light=lamp))
+    assert read_poses(PLAN).light == "placed"

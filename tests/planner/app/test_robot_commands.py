@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from robot_cells import ROBOTS
 
-from planner import Cell, LightPlan, read_plan
+from planner import Backlight, Cell, LightPlan, read_plan
 from planner.app.main import main
 from planner.app.robot_commands import print_lamp_note
 
@@ -40,20 +40,26 @@ def test_a_program_is_written_and_its_rounds_are_printed(capsys):
 
 def test_lamps_are_said_to_be_no_obstacles_where_they_stand_somewhere(capsys):
     plan = read_plan(PLAN)
-    print_lamp_note(plan)
+    cell = Cell.from_toml(CELL)
+    print_lamp_note(plan, cell)
     assert capsys.readouterr().out == ""
     dark = ({},) * len(plan.settings)
     places = np.array([[100.0, 20.0, 300.0]])
     images = ((),) * len(plan.settings)
     placed = LightPlan("placed", 0.1, 0.1, "dark", places, images, dark, 1, "by hand")
-    print_lamp_note(replace(plan, light=placed))
+    print_lamp_note(replace(plan, light=placed), cell)
     printed = " ".join(capsys.readouterr().out.split())
     assert (
         "no obstacles of the cell: lamp 1 at (100, 20, 300) mm in the frame of the part" in printed
     )
     # this one moves with the camera
-    print_lamp_note(replace(plan, light=replace(placed, kind="ring")))
+    print_lamp_note(replace(plan, light=replace(placed, kind="ring")), cell)
     assert capsys.readouterr().out == ""
+    back = Backlight.horizontal((40.0, 25.0, -5e-15), 200.0, 160.0)
+    print_lamp_note(replace(plan, light=replace(placed, kind="backlight", area=back)), cell)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "no obstacle of the cell: a backlight of 200 x 160 mm at (40, 25, 0) mm" in printed
+    assert "State it as [fixturings.NAME.light]" in printed
 
 
 @pytest.mark.usefixtures("own_folder")
