@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,6 @@ from errors.measurands import (
     Bonus,
     Decision,
     DecisionRule,
-    Position,
     acceptance_limits,
     conformance_probability,
     decide,
@@ -25,7 +25,7 @@ from errors.measurands import (
 from errors.measurands.measurand import COVERAGE
 from planner.measuring.reading import Reading
 from planner.measuring.results import Result, variances_of_points
-from planner.request.dimension import MaterialCondition
+from planner.request.dimension import POSITIONS, MaterialCondition
 from planner.request.targets import Target
 
 CONSISTENT = 0.99
@@ -77,10 +77,19 @@ def merged(
         )
         advice = advised[0].advice if advised else ""
         reason = reason or "no image shows it"
-        return Result(*target_fields, *nothing, reason, tuple(readings), advice=advice)
+        unread = Result(*target_fields, *nothing, reason, tuple(readings), advice=advice)
+        return replace(unread, **_zone_of(target))
     if good[0].deviation_mm and target.tolerance is not None:
         return _position_result(name, target, readings, rule)
     return _measured(name, target, readings, _weighted(good, common), rule)
+
+
+def _zone_of(target: Target) -> dict[str, Any]:
+    """Return what widens the zone of a position, and its datums; nothing of another target."""
+    if target.kind not in POSITIONS:
+        return {}
+    material = "" if target.material is None else target.material.condition
+    return {"material": material, "datums": target.datum_names}
 
 
 def joined_ends(
@@ -155,9 +164,6 @@ def _position_result(
     good = [reading for reading in readings if reading.measured]
     best = surest(good)
     tolerance = target.tolerance or (0.0, 0.0)
-    datums: tuple[str, ...] = ()
-    if isinstance(target.measurand, Position):
-        datums = tuple(target.measurand.datum_names(target.entities))
     n = len(best.deviation_mm)
     joint = np.array(best.covariance_mm2)
     covariance = joint[:n, :n]
@@ -187,7 +193,7 @@ def _position_result(
         interval=deviation_interval(best.deviation_mm, covariance),
         bonus_mm=bonus_mm,
         material="" if target.material is None else target.material.condition,
-        datums=datums,
+        datums=target.datum_names,
     )
 
 

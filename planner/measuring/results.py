@@ -69,7 +69,9 @@ def nominal_text(result: Result) -> str:
     """Return the nominal value with its unit and tolerance; of a position its zone, with the bonus."""
     if result.kind in POSITIONS and result.tolerance is not None:
         bonus = f" + {result.bonus_mm:.3g} bonus" if math.isfinite(result.bonus_mm) else ""
-        return f"{zone_text(result.kind, result.tolerance[1])}{bonus} {result.unit}"
+        condition = f" ({result.material})" if result.material else ""
+        zone = f"{zone_text(result.kind, result.tolerance[1])}{bonus} {result.unit}{condition}"
+        return " | ".join((zone, *result.datums))
     tolerance = "" if result.tolerance is None else f" {tolerance_text(result.tolerance)}"
     return f"{result.nominal:.6g} {result.unit}{tolerance}"
 
@@ -148,7 +150,7 @@ class Result(ShownInNotebook):
     material : str
         Its material condition, "M" or "L"; otherwise empty.
     datums : tuple of str
-        Of a position, the names of what shows its datums, in their order.
+        Of a position, its datums in their order, as the drawing or else their entities name them.
     deviation : float
         Measured value minus nominal value.
     expanded_uncertainty : float

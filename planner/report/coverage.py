@@ -10,7 +10,6 @@ import itertools
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from errors.measurands import Position
 from planner.request.dimension import POSITIONS, zone_text
 from planner.request.targets import Target
 from planner.request.words import tolerance_text
@@ -149,7 +148,7 @@ def boxes_of(target: Target) -> list[str]:
     Returns
     -------
     list of str
-        Symbol; value with its tolerance, or zone; and the entities of each datum in its order.
+        Symbol; value with its tolerance, or zone; and the datums in their order.
     """
     symbol = _SYMBOLS.get(target.kind, target.kind.replace("_", " "))
     if target.kind not in POSITIONS or target.tolerance is None:
@@ -158,8 +157,7 @@ def boxes_of(target: Target) -> list[str]:
         return [symbol, f"{target.nominal:.6g}{unit}{tolerance}"]
     condition = "" if target.material is None else f" ({target.material.condition})"
     zone = f"{zone_text(target.kind, target.tolerance[1])}{condition}"
-    assert isinstance(target.measurand, Position), "positions have datums"
-    return [symbol, zone, *target.measurand.datum_names(target.entities)]
+    return [symbol, zone, *target.datum_names]
 
 
 def verdict_text(rows: Iterable[Covered]) -> str:

@@ -285,6 +285,9 @@ class Dimension:
         Of a position, the number of entities of each datum: 2 of a slot, otherwise 1. Entities after
         these are the other rims of its pattern, (0,) without a datum. Empty if each datum has one, and
         there is no pattern.
+    frame : tuple of str
+        Names of the datums of a position in the drawing, in their order, with those that are parallel
+        to the plane of its rim. Reports show them. Empty: reports name the entities.
 
     Raises
     ------
@@ -319,12 +322,14 @@ class Dimension:
     material: str = ""
     size: tuple[float, float] | str | None = None
     groups: tuple[int, ...] = ()
+    frame: tuple[str, ...] = ()
 
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "entities", tuple(self.entities))
         object.__setattr__(self, "alternatives", tuple(map(tuple, self.alternatives)))
+        object.__setattr__(self, "frame", tuple(map(str, self.frame)))
         self._check_requirements()
         if self.tolerance_class is not None:
             object.__setattr__(
@@ -833,7 +838,7 @@ def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
         name: name
         for name in (
             *("accuracy", "share", "direction", "tolerance_class", "surfaces_mm", "places"),
-            *("material", "size"),
+            *("material", "size", "frame"),
         )
     }
     if isinstance(requirement.get("tolerance"), str):

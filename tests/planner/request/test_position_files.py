@@ -29,7 +29,10 @@ def test_a_file_names_its_datums_once(tmp_path):
         C = "r7"
         """,
     )
-    assert items["bolt"] == Dimension.position("r3", [17, 18], 0.2)
+    # reports name the datums as the drawing does, the parallel one too
+    frame = ("A", "B", "e18")
+    assert items["bolt"] == Dimension.position("r3", [17, 18], 0.2, frame=frame)
+    assert items["pin"].frame == ("B", "C")
     assert items["pin"].entities == ("r4", 17, "r7")
     assert items["pin"].tolerance == pytest.approx((0.0, 0.254))
     # half of the radius of the zone, as a diameter
