@@ -119,8 +119,8 @@ def joined_ends(
     """
     value = target.nominal + math.fsum(end.value - target.nominal for end in ends)
     variance = float(common.sum()) + math.fsum(variances_of_points(ends).values())
-    where = ", ".join(f"{end.entity} in {end.image}" for end in ends)
-    notes = (f"no image shows all of it: {where}",)
+    shown = ", ".join(f"{end.entity} in {end.image}" for end in ends)
+    notes = (f"no image shows all of it: {shown}",)
     combined = _Combined(value, math.sqrt(variance), notes)
     return _measured(name, target, ends, combined, rule)
 

@@ -155,9 +155,14 @@ def boxes_of(target: Target) -> list[str]:
         tolerance = "" if target.tolerance is None else f" {tolerance_text(target.tolerance)}"
         unit = "°" if target.unit == "deg" else ""
         return [symbol, f"{target.nominal:.6g}{unit}{tolerance}"]
+    return [symbol, zone_of(target), *target.datum_names]
+
+
+def zone_of(target: Target) -> str:
+    """Return the zone of a position with its material condition, such as ⌀0.2 (M)."""
+    assert target.tolerance is not None, "a position has a zone"
     condition = "" if target.material is None else f" ({target.material.condition})"
-    zone = f"{zone_text(target.kind, target.tolerance[1])}{condition}"
-    return [symbol, zone, *target.datum_names]
+    return f"{zone_text(target.kind, target.tolerance[1])}{condition}"
 
 
 def verdict_text(rows: Iterable[Covered]) -> str:

@@ -16,6 +16,7 @@ from errors.measurands.geometry import is_short
 from planner.light.light_plan import WHITE_SHARE, Exposure, exposure_of
 from planner.measuring.results import decimals_of, rounded_up
 from planner.progress import TimeLeft, report
+from planner.report.coverage import zone_of
 from planner.report.figure import color_of, drawn
 from planner.report.predicted_image import PictureMaker
 from planner.report.tables import (
@@ -40,7 +41,7 @@ from planner.report.wording import (
     surfaces_sources,
     white_text,
 )
-from planner.request.dimension import is_one_sided
+from planner.request.dimension import POSITIONS, is_one_sided
 from planner.request.targets import targets_of, words_of
 from planner.request.words import deviation_text, tolerance_text
 from planner.rows import Row, split_rows
@@ -443,6 +444,8 @@ def _nominal(dimension: PlannedDimension) -> list[CellLine]:
     text = f"{dimension.nominal:.6g} {dimension.unit}"
     if dimension.tolerance is None:
         return [CellLine(text)]
+    if dimension.kind in POSITIONS:
+        return [CellLine(" | ".join((zone_of(dimension), *dimension.datum_names)))]
     lower, upper = dimension.tolerance
     if is_one_sided(dimension.tolerance) or lower == -upper:
         return [CellLine(text), CellLine(tolerance_text(dimension.tolerance))]
@@ -526,6 +529,9 @@ def _budget(dimension: PlannedDimension, measurement: Measurement) -> list[Share
 def _accepted(dimension: PlannedDimension, u: float) -> list[CellLine]:
     if dimension.tolerance is None:
         return [CellLine("no tolerance stated")]
+    if dimension.kind in POSITIONS:
+        # its two components are decided together: limits of their length would refuse a perfect part
+        return [CellLine("decided in a disc")]
     rule = DecisionRule.iso14253()
     limits = acceptance_limits(dimension.tolerance, u, rule)
     if limits is None:

@@ -782,7 +782,7 @@ class PlannedDimension(Target):
 
     @property
     def datum_names(self) -> tuple[str, ...]:
-        """Names of the datums of a position in the drawing, or else of the entities that show them."""
+        """Names of the datums of a position in the drawing. Without them, names of the entities that show them."""
         if self.frame or not isinstance(self.measurand, Position):
             return self.frame
         return tuple(self.measurand.datum_names(self.entities))
