@@ -239,6 +239,8 @@ def reach(options: Reach) -> int:
     if changed:
         print_text(f"note: the cell of the plan differs from the cell given, in {changed}")
     if reachability.complete:
+        if options.plan_out is not None:
+            print_text(f"{options.plan_out} was not written: all settings are reached as planned")
         return DONE
     return _other_poses(options, plan, solid, cell)
 

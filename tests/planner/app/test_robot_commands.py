@@ -178,10 +178,12 @@ def cell_file(folder, x=600, z=0):
 
 
 def test_a_plan_that_is_reached(tmp_path, capsys):
-    assert (
-        main(["reach", PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", cell_file(tmp_path)]) == 0
-    )
+    out = tmp_path / "reached.json"
+    words = [PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", cell_file(tmp_path)]
+    assert main(["reach", *words, "--plan-out", str(out)]) == 0
     printed = capsys.readouterr().out
+    assert not out.exists()
+    assert "was not written: all settings are reached as planned" in printed
     count = len(json.loads(Path(PLAN_REACH_COMMAND).read_text("utf-8"))["settings"])
     assert f"{count} of {count} settings reached: {count} in 'up'" in printed
     assert "setting_01 in 'up': tool0 at (" in printed
