@@ -42,6 +42,9 @@ Floats = NDArray[np.float64]
 PARALLEL_RAD = 1e-3
 """Angle up to which datums are taken as parallel to the plane of the rim, or lines as across each other."""
 
+_SAME = 1e-9
+"""Circles that are apart by a smaller share of the largest radius have one axis."""
+
 _RADIUS = 2
 """Place of the radius in what is fitted of a circle."""
 
@@ -367,7 +370,7 @@ class PositionFrame:
             elif fixed.direction is None:
                 origin, nominal, _ = fixed.anchors[0]
                 apart = at - nominal
-                if float(np.linalg.norm(apart)) > 0.0:
+                if float(np.linalg.norm(apart)) > _SAME * self._size():
                     fixed.direction = _unit(_minus(point, origin)), apart / np.linalg.norm(apart)
             return
         nominal_along = _plain(along)
@@ -434,7 +437,7 @@ class PositionFrame:
         self.free = ("rotation",)
         if isinstance(self.rim, tuple):
             raise MeasurandError("a datum must fix the rotation for a slot. Got one that is free.")
-        if distance <= 1e-9 * self._size():
+        if distance <= _SAME * self._size():
             # coaxial circles: every direction counts
             return apart
         self.components = 1
