@@ -86,6 +86,19 @@ def test_the_deviation_of_a_hole_is_read_in_the_frame_of_its_datums(solid, image
     assert low < 2 * math.hypot(*MOVED) < high
 
 
+def test_a_pattern_of_holes_as_the_datum_is_resolved_and_kept_in_files(solid):
+    rims = plate.upper_rims(solid)
+    edges = datum_edges(solid)
+    item = Dimension.position(rims[0], [edges[0], list(rims[1:]), edges[1]], ZONE)
+    with pytest.raises(RequestError, match="datum 3, which fixes nothing"):
+        resolve_wanted(solid, {"hole": item}, 0.99)
+    lower = [rim.id for rim in solid.rims() if rim.id not in rims]
+    item = Dimension.position(rims[0], [lower], ZONE)
+    _, (target,) = resolve_wanted(solid, {"hole": item}, 0.99)
+    assert target.measurand.datum_names(target.entities) == ["-".join(lower)]
+    assert target_from(plain_target(target)).measurand.groups == (2,)
+
+
 @pytest.mark.parametrize(
     ("material", "size", "bonus"),
     [
