@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -110,10 +111,59 @@ def joined_ends(
     """
     value = target.nominal + math.fsum(end.value - target.nominal for end in ends)
     variance = float(common.sum()) + math.fsum(variances_of_points(ends).values())
-    where = ", ".join(f"{end.entity} in {end.image}" for end in ends)
-    notes = (f"no image shows all of it: {where}",)
-    combined = _Combined(value, math.sqrt(variance), notes)
+    combined = _Combined(value, math.sqrt(variance), (_where_text(ends),))
     return _measured(name, target, ends, combined, rule)
+
+
+def joined_reading(ends: Sequence[Reading], common: NDArray[np.float64]) -> Reading:
+    """Return a component of a position whose entities are read in different images, as if one image showed it.
+
+    Parameters
+    ----------
+    ends : sequence of Reading (n,)
+        The reading of each entity.
+    common : array (n, n)
+        Covariance of the readings by poses and surfaces.
+    """
+    variance = float(common.sum()) + math.fsum(variances_of_points(ends).values())
+    return Reading(
+        ends[0].name,
+        ", ".join(dict.fromkeys(end.image for end in ends)),
+        ends[0].setting,
+        value=math.fsum(end.value for end in ends),
+        standard_uncertainty=math.sqrt(max(variance, 0.0)),
+    )
+
+
+def joined_position(
+    target: Target, joined: Reading, ends: Sequence[Reading], rule: DecisionRule
+) -> Result:
+    """Return the result of a position whose rim and datums are read in different images.
+
+    Parameters
+    ----------
+    target : Target
+        The position.
+    joined : Reading
+        Its deviation with covariance.
+    ends : sequence of Reading
+        The reading of each entity along the deviation.
+    rule : DecisionRule
+        How it is decided.
+    """
+    values, axes = np.linalg.eigh(np.array(joined.covariance_mm2))
+    # what moves all edges alike is added up without its signs, so that an eigenvalue may be below 0
+    covariance = (axes * np.maximum(values, 0.0)) @ axes.T
+    counted = replace(joined, covariance_mm2=tuple(map(tuple, covariance.tolist())))
+    result = _position_result(target.name, target, [counted], rule)
+    notes = [_where_text(ends), *result.notes]
+    notes += dict.fromkeys(note for end in ends for note in end.notes)
+    return replace(result, readings=tuple(ends), notes=tuple(notes))
+
+
+def _where_text(ends: Sequence[Reading]) -> str:
+    where = ", ".join(f"{end.entity} in {end.image}" for end in ends)
+    return f"no image shows all of it: {where}"
 
 
 class _Combined(NamedTuple):
