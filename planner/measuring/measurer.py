@@ -5,15 +5,15 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.measurands import Circle, DecisionRule, Localisation, Measurand, Position
+from errors.measurands import Circle, DecisionRule, Localisation, Position
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
 from errors.measurands.split import End, can_be_split
 from ground.blas import with_one_thread
@@ -32,10 +32,11 @@ from planner.light.light_plan import beside, irradiance
 from planner.measuring.advice import advice_of_images, advised, with_advice
 from planner.measuring.images import WELL_EXPOSED, ImageSet, Picture, Shot, read_images, shots_of
 from planner.measuring.merging import (
+    ScannedEnd,
     joined_ends,
-    joined_position,
-    joined_reading,
     merged,
+    position_of_ends,
+    read_with,
     weights_of,
 )
 from planner.measuring.part_posterior import KnownImage, PartPosterior
@@ -103,65 +104,6 @@ def _unplanned(plan: InspectionPlan) -> list[str]:
     return [
         f"not planned, and so not measured: {', '.join(of)}: {why}" for why, of in names.items()
     ]
-
-
-def read_with(
-    value: Measurand, read: Callable[[Measurand], Reading], *, with_size: bool = False
-) -> Reading:
-    """Return the reading of a value; a position is read by its components.
-
-    Parameters
-    ----------
-    value : Measurand
-        The value.
-    read : callable
-        Reads a value that is nearly linear in what is fitted.
-    with_size : bool
-        Whether the diameter of a position's rim is read, too.
-
-    Returns
-    -------
-    Reading
-        Of a position 2‖e‖ the uncertainty is that along e, and ``deviation_mm`` and ``covariance_mm2`` are those of e.
-        With a size, the covariance has a further row and column for it.
-    """
-    if not isinstance(value, Position):
-        return read(value)
-    n = len(value.frame.errors)
-    first = read(value.along(np.eye(n)[0]))
-    if not first.measured:
-        return first
-    # of sums of two, the variance tells their covariance
-    shares = np.eye(n + with_size)
-    m = len(shares)
-    readings = {
-        (i, j): read(value.along(row[:n], float(row[n:].sum())))
-        for i in range(m)
-        for j in range(i, m)
-        for row in (shares[i] + (i != j) * shares[j],)
-    }
-    variances = {pair: reading.standard_uncertainty**2 for pair, reading in readings.items()}
-    covariance = np.diag([variances[k, k] for k in range(m)])
-    for (i, j), variance in variances.items():
-        if i != j:
-            both = 0.5 * (variance - variances[i, i] - variances[j, j])
-            covariance[i, j] = covariance[j, i] = both
-    e = np.array([readings[k, k].value for k in range(n)])
-    size_mm = math.nan
-    if with_size:
-        size_mm = value.size_mm + readings[n, n].value
-    axis = np.linalg.eigh(covariance[:n, :n])[1][:, -1]
-    distance = float(np.linalg.norm(e))
-    if distance > 0.0:
-        axis = e / distance
-    reading = read(value.along(2.0 * axis))
-    return replace(
-        reading,
-        value=2.0 * distance,
-        deviation_mm=tuple(e.tolist()),
-        covariance_mm2=tuple(map(tuple, covariance.tolist())),
-        size_mm=size_mm,
-    )
 
 
 def image_notes(
@@ -408,24 +350,6 @@ class MeasuredEnd:
         nearest, farthest = camera.depth_of_field_mm
         in_focus = (depth >= nearest) & (depth <= farthest)
         return float(np.mean(samples.usable & in_focus)) >= coverage
-
-
-class ScannedEnd(NamedTuple):
-    """One entity of a target in an image.
-
-    Attributes
-    ----------
-    read : callable
-        Returns the reading of what the entity has in a value.
-    first : Reading
-        That of its share in the target; of a position, in its first component.
-    spread : float
-        Standard deviation of this; of a position, of all components.
-    """
-
-    read: Callable[[End], Reading]
-    first: Reading
-    spread: float
 
 
 def witness_key(setting: SensorSetting, name: str) -> str:
@@ -956,13 +880,13 @@ class Measurer:
             for name in self.plan.split
         }
         results = dict(missing)
-        for name, found in best.items():
-            if len(found) < len(self._ends[name]):
+        for name, scans in best.items():
+            if len(scans) < len(self._ends[name]):
                 continue
-            entities = [found[k] for k in sorted(found)]
+            entities = [scans[k] for k in sorted(scans)]
             target = self.plan.targets[name]
             if isinstance(target.measurand, Position):
-                results[name] = self._position_of_ends(target, entities, known, options.rule)
+                results[name] = position_of_ends(target, entities, known.common, options.rule)
                 continue
             readings = [entity.first for entity in entities]
             results[name] = joined_ends(
@@ -970,33 +894,17 @@ class Measurer:
             )
         return results
 
-    @staticmethod
-    def _position_of_ends(
-        target: Target, entities: Sequence[ScannedEnd], known: PartPosterior, rule: DecisionRule
-    ) -> Result:
-        """Return the result of a position whose hole and datums are in different images."""
-        value = target.measurand
-        readings: list[Reading] = []
-
-        def read(component: Measurand) -> Reading:
-            readings[:] = [entity.read(End(component, k)) for k, entity in enumerate(entities)]
-            return joined_reading(readings, known.common(readings))
-
-        joined = read_with(value, read, with_size=target.material is not None)
-        # the last ones are those along e
-        return joined_position(target, joined, readings, rule)
-
     def _scanned_end(
         self,
         shot: Shot,
         end: MeasuredEnd,
         response: JudgedResponse,
-        known: PartPosterior,
+        posterior: PartPosterior,
         options: MeasureOptions,
     ) -> ScannedEnd:
         """Return one entity of a target as an image shows it, also with other responses of the camera."""
         target = self.plan.targets[end.target]
-        image = known.known(end.target, shot.name)
+        image = posterior.known(end.target, shot.name)
         scans = [
             self._scan_end(shot, end, pictures[shot.name], image.registered, options)
             for pictures in (response.pictures, *response.others)

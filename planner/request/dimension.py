@@ -555,7 +555,7 @@ class Dimension:
             The rim, or its id (``"r3"``). Of a slot or tab, a list of its two edges.
         datums : sequence of Target
             Entities that show the datums, in the order of the drawing. An edge shows a plane across, a rim a hole or
-            pin, a list of two edges a slot or tab, a list of rims a pattern of holes, which is fitted by least squares.
+            pin. A list of two edges is a slot or tab, a list of rims a pattern of holes, fitted by least squares.
             Leave out a datum that is parallel to the plane of the rim.
         zone_mm : float
             Diameter of the zone, mm; of a slot its width.
