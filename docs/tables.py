@@ -128,28 +128,28 @@ def store_drawing(folder: Path) -> None:
 def _drawing() -> str:
     """Return what plans cover of the drawings: numbers of characteristics, and of positions among them."""
     record = stored("drawing")
-    plans = [record[name]["rows"] for name in ("planned", "registered") if name in record]
-    heads = ["part", "requirements", "edges show", "characteristics"]
-    heads += ["inspected", "settings / bound"]
-    if len(plans) > 1:
+    registered = {row["part"]: row for row in record.get("registered", {"rows": []})["rows"]}
+    heads = ["part", "requirements", "edges show", "characteristics", "inspected"]
+    heads += ["settings / bound"]
+    if registered:
         heads += ["inspected, registered", "settings / bound"]
+    labels = {name.partition(".")[0]: label for label, name in MODELS.items()}
     rows = []
-    for same_part in zip(*plans, strict=True):
-        first = same_part[0]
-        label = next(
-            label for label, name in MODELS.items() if name.partition(".")[0] == first["part"]
-        )
-        cells = [
-            label,
-            first["requirements"],
-            first["measurable"],
-            _with_positions(first, "characteristics", "positions"),
-        ]
-        for row in same_part:
-            cells.append(_with_positions(row, "inspected", "positions inspected"))
-            cells.append(f"{row['settings']} / {row['bound']}")
+    for row in record["planned"]["rows"]:
+        cells = [labels[row["part"]], row["requirements"], row["measurable"]]
+        cells.append(_with_positions(row, "characteristics", "positions"))
+        cells += _planned(row)
+        if registered:
+            cells += _planned(registered.get(row["part"]))
         rows.append(cells)
     return table(heads, rows)
+
+
+def _planned(row: dict[str, Any] | None) -> list[str]:
+    if row is None:
+        return ["–", "–"]
+    inspected = _with_positions(row, "inspected", "positions inspected")
+    return [inspected, f"{row['settings']} / {row['bound']}"]
 
 
 def _with_positions(row: dict[str, Any], count: str, positions: str) -> str:
