@@ -95,8 +95,8 @@ def joined_ends(
 ) -> Result:
     """Return the result of a target whose entities are read in different images.
 
-    The deviation is the sum of those by each entity. Localisation and its floor are errors of each entity. Response and
-    broken edges may move both alike, so their standard deviations are added up.
+    The deviation is the sum of those by each entity. Localisation and its floor are errors of each entity. The response
+    may move both alike, so its standard deviations are added up. Breaks that nobody stated have one mean for all.
 
     Parameters
     ----------

@@ -190,9 +190,7 @@ def test_entities_of_one_image_give_the_position_that_the_image_gives(solid, pos
         uninspectable={"bolt": WHY},
     )
     images = {1: photograph(fine_plate(left=0.02), POSES_OF_ALL[:1])[1]}
-    one, other = (
-        measure(each, solid, images, edge_break_mm=(0.0, 0.0))["bolt"] for each in (planned, apart)
-    )
+    one, other = (measure(each, solid, images)["bolt"] for each in (planned, apart))
     assert len(other.readings) == 4
     assert other.value == pytest.approx(one.value, abs=0.3 * one.standard_uncertainty)
     assert other.standard_uncertainty == pytest.approx(one.standard_uncertainty, rel=0.2)
