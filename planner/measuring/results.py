@@ -238,8 +238,10 @@ def variances_of_points(ends: Sequence[Reading]) -> dict[str, float]:
         source: math.fsum(end.budget[source] for end in ends)
         for source in ("localisation", "localisation floor")
     }
-    for source in ("response", "edge state"):
-        variances[source] = math.fsum(math.sqrt(end.budget[source]) for end in ends) ** 2
+    variances["response"] = math.fsum(math.sqrt(end.budget["response"]) for end in ends) ** 2
+    # entities are broken independently, about a mean that all have
+    apart = math.fsum(max(end.budget["edge state"] - end.break_mean**2, 0.0) for end in ends)
+    variances["edge state"] = apart + math.fsum(end.break_mean for end in ends) ** 2
     return variances
 
 

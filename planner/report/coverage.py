@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from planner.request.dimension import POSITIONS, zone_text
-from planner.request.targets import Target
+from planner.request.targets import Target, targets_of
 from planner.request.words import tolerance_text
 from planner.text_table import count
 
@@ -129,12 +129,46 @@ def _of_targets(
         str(plan.uninspectable[member]) for member in members if member in plan.uninspectable
     ]
     texts += dict.fromkeys(reasons)
+    apart = [joined_settings(plan, member) for member in members if member not in settings]
+    if any(apart):
+        shown = ", ".join(map(str, sorted(set(itertools.chain.from_iterable(apart)))))
+        texts.append(f"settings {shown} show its rim and datums apart, so measure may read it")
     if set(plan.unlit) & set(members):
         texts.append("no lamp shows it")
     boxes = boxes_of(plan.targets[members[0]])
     if len(members) > 1:
         boxes[0] = f"{len(members)}× {boxes[0]}"
     return Covered(mark, _CLASSES[mark], name, boxes, "; ".join(texts))
+
+
+def joined_settings(plan: InspectionPlan, name: str) -> list[int]:
+    """Return the numbers, from 1, of settings that together show the rim and datums of a position which none inspects.
+
+    From registered images of these, `planner.measure` reads the position. A plan promises nothing of it, because its
+    probability is that of two components over several poses.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    name : str
+        Name of a target.
+
+    Returns
+    -------
+    list of int
+        Empty if it is no position, or an entity is in no setting.
+    """
+    target = plan.targets[name]
+    if target.kind not in POSITIONS:
+        return []
+    shown: dict[str, int] = {}
+    for number, setting in enumerate(plan.settings, start=1):
+        here = targets_of(plan.targets, setting)
+        for entity in itertools.chain(*(here[other].entities for other in setting.entities)):
+            shown.setdefault(entity, number)
+    numbers = {shown.get(entity, 0) for entity in target.entities}
+    return [] if 0 in numbers or len(numbers) < 2 else sorted(numbers)
 
 
 def boxes_of(target: Target) -> list[str]:

@@ -114,7 +114,7 @@ class DimensionRecord:
     surfaces_from: str
     edge_break_mm: Break | None = None
     material: MaterialCondition | None = None
-    groups: tuple[Annotated[int, Meta(ge=0, le=2)], ...] = ()
+    groups: tuple[Annotated[int, Meta(ge=0, title="must not be negative")], ...] = ()
     frame: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
