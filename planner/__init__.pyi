@@ -80,6 +80,8 @@ from .request.reach import MeshRegion as MeshRegion
 from .request.reach import SphereRegion as SphereRegion
 from .request.targets import PlannedDimension as PlannedDimension
 from .robotcell import Box as Box
+from .robotcell import CableCapsule as CableCapsule
+from .robotcell import CameraBody as CameraBody
 from .robotcell import CarriedLight as CarriedLight
 from .robotcell import Cell as Cell
 from .robotcell import Fixturing as Fixturing

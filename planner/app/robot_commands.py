@@ -314,8 +314,7 @@ def _print_reached(reachability: Reachability, cell: Cell) -> None:
 
 def model_notes(cell: Cell) -> list[str]:
     """Return what a reader of a table must know of the cell's model, in sentences."""
-    unchecked = cell.robot.unchecked
-    warnings = [f"warning: {unchecked}"] if unchecked else []
+    warnings = [f"warning: {text}" for text in cell.unchecked]
     constant = [cell.constant_clearance(name) for name in cell.fixturings]
     nearest = min(constant, key=lambda pair: pair.mm)
     always = f"{nearest.first} is always {nearest.mm:.0f} mm from {nearest.second}"

@@ -369,9 +369,9 @@ class Robot:
         axis_limits : sequence of (int, float, float)
             Limits of the controller's axes, where it has others: axis, least and largest angle, rad.
         calibration : str or Path, optional
-            A file that ``ur_calibration`` writes, or another in YAML: under ``kinematics`` the measured origin of each
-            joint in the link before it, x, y and z in m, roll, pitch and yaw in rad, by the joint or the link behind
-            it. They replace those of the URDF.
+            A file that ``ur_calibration`` writes, or another in YAML. Under ``kinematics`` it has the measured origin
+            of each joint in the link before it, by the joint or the link behind it: x, y and z in m, roll, pitch and
+            yaw in rad. They replace those of the URDF.
         joint_offsets : sequence of float
             What each joint is farther than its controller counts, rad: a calibration of zeros alone.
 

@@ -663,12 +663,12 @@ def calibrated_text(
     chain = _Tree(root).joints_to(tip)
     moving = [joint for joint in chain if joint.get("type") != "fixed"]
     for name, values in (origins or {}).items():
-        where = f"calibration: {name}"
-        measured = from_plain(MeasuredOrigin, values, RobotError, where)
+        parameter = f"calibration: {name}"
+        measured = from_plain(MeasuredOrigin, values, RobotError, parameter)
         xyz = np.array([measured.x, measured.y, measured.z])
         pose = from_rpy(_MM * xyz, np.array([measured.roll, measured.pitch, measured.yaw]))
         joint = _joint_called(name, moving)
-        _check_near(where, pose, _origin(joint))
+        _check_near(parameter, pose, _origin(joint))
         _set_origin(joint, pose)
     if len(joint_offsets) not in (0, len(moving)):
         rule = f"must have a number for each of the {len(moving)} joints"
@@ -687,7 +687,7 @@ def _joint_called(name: str, joints: Sequence[ElementTree.Element]) -> ElementTr
     """Return the joint that a calibration calls so; names may have a prefix."""
     names = {name, *(f"{name}{ending}" for ending in _ENDINGS)}
     for is_same in (str.__eq__, lambda whole, part: whole.endswith(f"_{part}")):
-        found = [
+        matches = [
             joint
             for joint in joints
             if any(
@@ -696,14 +696,14 @@ def _joint_called(name: str, joints: Sequence[ElementTree.Element]) -> ElementTr
                 for word in names
             )
         ]
-        if len(found) == 1:
-            return found[0]
+        if len(matches) == 1:
+            return matches[0]
     rule = "must name joints of the arm, or the links behind them"
     listed = _listed(_end(joint, "child") for joint in joints)
     raise RobotError.of_rule("calibration", rule, repr(name), hint=listed)
 
 
-def _check_near(where: str, measured: np.ndarray, nominal: np.ndarray) -> None:
+def _check_near(parameter: str, measured: np.ndarray, nominal: np.ndarray) -> None:
     """Raise if a measured origin is that of another arm."""
     apart = compose(invert(nominal), measured)
     mm = math.sqrt(float((apart[:3, 3] ** 2).sum()))
@@ -711,7 +711,7 @@ def _check_near(where: str, measured: np.ndarray, nominal: np.ndarray) -> None:
     if mm > _FAR_MM or turned > _FAR_RAD:
         rule = f"must be within {_FAR_MM:g} mm and {_FAR_RAD:g} rad of the URDF"
         hint = "is it of another arm?"
-        raise RobotError.of_rule(where, rule, f"{mm:.3g} mm and {turned:.3g} rad", hint=hint)
+        raise RobotError.of_rule(parameter, rule, f"{mm:.3g} mm and {turned:.3g} rad", hint=hint)
 
 
 def _axis_of(joint: ElementTree.Element) -> np.ndarray:
