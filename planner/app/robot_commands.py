@@ -26,13 +26,8 @@ from planner.robotcell.placement import PlacementSearch
 from planner.robotcell.urdf import compose, invert
 from planner.robotprogram.other_poses import with_reached_settings
 from planner.robotprogram.program import FixturedTour, RobotProgram, Stop
-from planner.robotprogram.program_texts import (
-    FORMATS,
-    CameraSignals,
-    check_program_speed,
-    format_of_file,
-    write_program,
-)
+from planner.robotprogram.program_steps import CameraSignals, check_program_speed
+from planner.robotprogram.program_texts import FORMATS, format_of_file, write_program
 from planner.robotprogram.robot_program import (
     ArmUncertainty,
     robot_program,
