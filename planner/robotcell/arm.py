@@ -358,8 +358,8 @@ class Robot:
             Link whose frame is the robot's base. Default: ``base_link``, otherwise the first link. The pendant of a
             UR shows ``base``, which is turned by 180° about z.
         packages : mapping of str to path, optional
-            Folders of the packages that ``package://`` names. Default: those that the file is in, or that lie beside it
-            or above.
+            Folders of the packages that ``package://`` names. Default: those that hold the file, or that are next to
+            it or above.
         accelerations : float or sequence of floats, one a joint
             Largest accelerations of the joints, rad/s², which a URDF does not state.
         speeds : float or sequence of floats, one a joint, optional
