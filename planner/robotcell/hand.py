@@ -834,7 +834,8 @@ def check_part_stands_free(
         depth = sunk_mm(part, other, SKIN_MM)
         if depth > SKIN_MM:
             got = f"{depth:.3g} mm deep in {other.name}, {SKIN_MM:g} mm permitted"
-            raise RobotError.of_rule(parameter, rule, got)
+            hint = "reach --place --table NAME lays the part on a table"
+            raise RobotError.of_rule(parameter, rule, got, hint=hint)
 
 
 def check_turns_free(
