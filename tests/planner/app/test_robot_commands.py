@@ -412,7 +412,11 @@ def test_links_without_bodies_are_told_with_every_table_and_program(tmp_path, ca
             "--quiet",
         ]
         assert main([*given, "--out", str(out)]) == 0
-        assert words in out.read_text("utf-8")
+        text = out.read_text("utf-8")
+        if kind == "fanuc":
+            # its remarks are short
+            text = " ".join(re.findall(r": +! (.*) ;", text))
+        assert words in text
         assert f"warning: {words}" in " ".join(capsys.readouterr().out.split())
 
 
