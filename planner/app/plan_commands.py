@@ -106,6 +106,8 @@ from planner.request.dimension import Dimension
 from planner.request.words import features_text, n_not_planned
 from planner.resume import read_state, state_difference
 from planner.robotcell.arm import unchecked_text
+from planner.robotcell.camera_body import unchecked_of
+from planner.robotcell.hand import has_camera_body
 from planner.text_table import Column, enumerated, print_table, print_text, words
 from planner.verify.simulate_plan import simulate_plan
 
@@ -437,9 +439,10 @@ def print_arm(plan: InspectionPlan) -> None:
     print_table(columns, rows)
     names = list(dict.fromkeys(setting.fixturing for setting in plan.settings if setting.fixturing))
     print_text(f"{plan.cell['robot']} reaches all settings, with the part lying {listed(names)}.")
-    unchecked = unchecked_text(plan.cell.get("bodiless_links", ()))
-    if unchecked:
-        print_text(f"warning: {unchecked}")
+    links = unchecked_text(plan.cell.get("bodiless_links", ()))
+    has_body = has_camera_body(plan.cell.get("parts", {}))
+    for text in unchecked_of(links, has_camera_body=has_body):
+        print_text(f"warning: {text}")
 
 
 def _turned(angle_deg: float | None) -> str:

@@ -27,13 +27,8 @@ from planner.robotcell.placement import PlacementSearch
 from planner.robotcell.urdf import compose, invert
 from planner.robotprogram.other_poses import with_reached_settings
 from planner.robotprogram.program import FixturedTour, RobotProgram, Stop
-from planner.robotprogram.program_texts import (
-    FORMATS,
-    CameraSignals,
-    check_program_speed,
-    format_of_file,
-    write_program,
-)
+from planner.robotprogram.program_steps import CameraSignals, check_program_speed
+from planner.robotprogram.program_texts import FORMATS, format_of_file, write_program
 from planner.robotprogram.robot_program import (
     ArmUncertainty,
     robot_program,
@@ -327,8 +322,7 @@ def _print_reached(reachability: Reachability, cell: Cell) -> None:
 
 def model_notes(cell: Cell) -> list[str]:
     """Return what a reader of a table must know of the cell's model, in sentences."""
-    unchecked = cell.robot.unchecked
-    warnings = [f"warning: {unchecked}"] if unchecked else []
+    warnings = [f"warning: {text}" for text in cell.unchecked]
     constant = [cell.constant_clearance(name) for name in cell.fixturings]
     nearest = min(constant, key=lambda pair: pair.mm)
     always = f"{nearest.first} is always {nearest.mm:.0f} mm from {nearest.second}"

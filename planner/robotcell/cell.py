@@ -13,6 +13,7 @@ from planner.argument_kinds import NOT_NEGATIVE, check_kinds, check_number, show
 from planner.exceptions import RobotError
 from planner.robotcell.arm import Robot
 from planner.robotcell.bodies import Body, Fixturing, Grip, Standing, Surface
+from planner.robotcell.camera_body import unchecked_of
 from planner.robotcell.cell_file import cell_fields
 from planner.robotcell.cell_light import BACKLIGHT, CarriedLight, LightBox
 from planner.robotcell.collisions import (
@@ -23,7 +24,6 @@ from planner.robotcell.collisions import (
     farthest_points,
 )
 from planner.robotcell.hand import (
-    FIXTURING,
     CameraInHand,
     Fittings,
     Hand,
@@ -34,6 +34,7 @@ from planner.robotcell.hand import (
     check_names,
     light_of,
     pairs_by_design,
+    part_words,
     parts_of,
 )
 from planner.robotcell.reachability import (
@@ -760,6 +761,12 @@ class Cell:
         )
 
     @property
+    def unchecked(self) -> tuple[str, ...]:
+        """What a user must know of objects whose collisions are not checked, in sentences."""
+        has_body = bool(self._fittings.camera_body)
+        return unchecked_of(self.robot.unchecked, has_camera_body=has_body)
+
+    @property
     def levers_mm(self) -> np.ndarray:
         """How far from each joint's axis (k,) a point of the arm or the camera can be, at most, mm."""
         return farthest_points(self.robot.chain, self._arm)
@@ -818,7 +825,7 @@ class Cell:
         before = stated.get("parts", {})
         names = {**before, **now["parts"]} if before else {}
         changed = [name for name in names if before.get(name) != now["parts"].get(name)]
-        words = [_named(name, before, now["parts"]) for name in changed]
+        words = [part_words(name, before, now["parts"]) for name in changed]
         if not words:
             return "something that the plan does not name"
         return " and ".join([", ".join(words[:-1]), words[-1]] if words[:-1] else words)
@@ -974,16 +981,6 @@ def _fittings(
     if light is not None:
         check_kinds(light=(light, "CarriedLight"))
     return Fittings(robot, tuple(camera_body), dict(obstacles or {}), clearance, light)
-
-
-def _named(name: str, before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    """Return the name of a part of the cell as its file has it, and whether it is new or gone."""
-    word = name
-    if name.startswith(FIXTURING):
-        word = f"fixturing {name.removeprefix(FIXTURING)!r}"
-    if name not in before:
-        return f"{word} (new)"
-    return word if name in now else f"{word} (gone)"
 
 
 # Which settings of a plan a robot reaches in which fixturing, and what planning asks of a cell.

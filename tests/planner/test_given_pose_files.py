@@ -210,6 +210,8 @@ PROGRAMS = {
     "urscript": ("i.script", 1e-4),
     "rapid": ("i.mod", 1e-4),
     "krl": ("i.src", 1e-4),
+    # three decimals: 6 axes, each 9e-6 rad off at 1.5 m
+    "fanuc": ("i.ls", 0.08),
     "csv": ("i.csv", 1e-4),
     "ros": ("i.json", 1e-9),
     "json": ("program.json", 1e-9),
@@ -240,6 +242,19 @@ def test_a_program_in_krl_has_the_name_of_its_file(tmp_path, program):
         with pytest.raises(RequestError, match="path must be named by up to 24 letters"):
             write_program(program[1], tmp_path / name)
         assert not (tmp_path / name).exists()
+
+
+def test_a_program_of_fanuc_has_the_name_of_its_file(tmp_path, program):
+    path = write_program(program[1], tmp_path / "side_2.ls")
+    assert path.read_text().splitlines()[0] == "/PROG  SIDE_2"
+    with pytest.raises(RequestError, match="path must be named by up to 36 letters"):
+        write_program(program[1], tmp_path / "2_sides.ls")
+    text = path.read_text().replace("J P[2] ", "J P[20] ")
+    path.write_text(text)
+    with pytest.raises(
+        PoseFileError, match=r"a move must be to a position of the program. Got P\[20"
+    ):
+        read_poses(path, cell=program[0])
 
 
 def test_a_program_that_takes_no_known_images_is_refused(tmp_path, program):
