@@ -261,6 +261,9 @@ def _with_datums(value: Any, named: Mapping[str, Any]) -> Any:
             datums.append(_edge_number(shown_by))
     # without a name of its own, a datum is named by its entities as everywhere
     is_named = any(str(datum) in named for datum in value["datums"])
+    is_named &= not any(
+        isinstance(datum, list) and _is_end_points(datum) for datum in value["datums"]
+    )
     return {**value, "datums": datums, **({"frame": frame} if is_named else {})}
 
 

@@ -180,7 +180,9 @@ def test_several_rims_are_a_pattern_as_the_datum(tmp_path):
         P = ["r1", "r2", "r3"]
         """,
     )
-    assert items["bolt"] == Dimension.position("r9", [["r1", "r2", "r3"], 17], 0.2)
+    assert items["bolt"] == Dimension.position(
+        "r9", [["r1", "r2", "r3"], 17], 0.2, frame=("P", "e17")
+    )
     assert (items["bolt"].entities, items["bolt"].groups) == (("r9", "r1", "r2", "r3", 17), (3, 1))
     # ids of three letters are no end points
     assert (items["pin"].entities, items["pin"].groups) == (("r9", 17, "r12", "r14"), (1, 2))
