@@ -271,8 +271,8 @@ def position_of_ends(
 
 
 def _where_text(ends: Sequence[Reading]) -> str:
-    where = ", ".join(f"{end.entity} in {end.image}" for end in ends)
-    return f"no image shows all of it: {where}"
+    places = ", ".join(f"{end.entity} in {end.image}" for end in ends)
+    return f"no image shows all of it: {places}"
 
 
 class _Combined(NamedTuple):

@@ -255,8 +255,8 @@ def _budget_of_ends(ends: Sequence[Reading], u: float) -> dict[str, float]:
         if source not in of_points
     }
     total = math.fsum(parts.values())
-    rest = max(u**2 - math.fsum(of_points.values()), 0.0)
-    share = rest / total if total > 0 else 0.0
+    remainder = max(u**2 - math.fsum(of_points.values()), 0.0)
+    share = remainder / total if total > 0 else 0.0
     return {
         source: of_points[source] if source in of_points else share * parts[source]
         for source in SOURCES
