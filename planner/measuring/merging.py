@@ -280,8 +280,8 @@ def position_of_ends(
 
 
 def _where_text(ends: Sequence[Reading]) -> str:
-    shown = ", ".join(f"{end.entity} in {end.image}" for end in ends)
-    return f"no image shows all of it: {shown}"
+    places = ", ".join(f"{end.entity} in {end.image}" for end in ends)
+    return f"no image shows all of it: {places}"
 
 
 class _Combined(NamedTuple):
