@@ -65,7 +65,8 @@ class LightBox(Box):
     @property
     def rectangle(self) -> np.ndarray:
         """Corners (4, 3) of the bright rectangle, counter-clockwise as the camera sees it, mm."""
-        (x, y), (u, v), top = self.low[:2], self.high[:2], self.high[2]
+        x, y = self.low[:2]
+        u, v, top = self.high
         return carry(self.pose, np.array([[x, y, top], [u, y, top], [u, v, top], [x, v, top]]))
 
     def behind(self, eyes: np.ndarray, segments: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
