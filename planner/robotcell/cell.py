@@ -988,6 +988,7 @@ def _fittings(
 
 # of a cell without anything that may be touched; a file holds no infinite number
 _FAR_MM = 1e6
+_SAME_MM = 1e-3
 
 
 def reachability_of(cell: Cell, plan: Any, *, all_branches: bool = False) -> Reachability:
@@ -1000,6 +1001,7 @@ def reachability_of(cell: Cell, plan: Any, *, all_branches: bool = False) -> Rea
     ]
 
     unlit = _unlit_of(plan)
+    is_there = unlit is not None and _is_where(cell.light, plan.light.area)
 
     def hidden(fixturing: str, angle: float, row: int) -> str:
         bodies = cell.hidden_by(cam2world[row][None], segments[row], fixturing, angle)[0]
@@ -1011,6 +1013,8 @@ def reachability_of(cell: Cell, plan: Any, *, all_branches: bool = False) -> Rea
         between, met = cell._hand.before_light(
             cam2world[row][None], segments[row], fixturing, angle
         )
+        # where the plan has the backlight, it has decided itself what shows
+        met |= is_there
         for name, body, is_met in zip(names, between[0], met[0], strict=True):
             if name not in unlit[row] and not is_met:
                 return f"the backlight is not behind {name}"
@@ -1031,6 +1035,11 @@ def _unlit_of(plan: Any) -> Sequence[Any] | None:
     if light is None or light.kind != BACKLIGHT or light.area.on_metal:
         return None
     return tuple(light.unlit)
+
+
+def _is_where(light: Any, area: Any) -> bool:
+    """Return whether the light of a cell is where a plan has its backlight below the part."""
+    return isinstance(light, LightBox) and np.allclose(light.rectangle, area.outline, atol=_SAME_MM)
 
 
 def _in_sight(
