@@ -608,7 +608,7 @@ def _short_reasons(reasons: Mapping[str, str]) -> list[str]:
     texts = []
     for kind, of_kind in names.items():
         if len(of_kind) == 1 or kind is ReasonKind.NOT_STATED:
-            texts += [f"{name}: {reasons[name]}" for name in of_kind]
+            texts += [f"{name}: {reasons[name].rstrip('.')}" for name in of_kind]
         else:
             texts.append(f"{kind.words}: {', '.join(of_kind)}")
     return texts

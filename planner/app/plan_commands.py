@@ -26,6 +26,7 @@ from aspectgraph import (
     light_graph_of,
     read_requirements,
 )
+from aspectgraph.read.step.text import UNIT_NOTE
 from aspectgraph.visibility.visibility_regions import KeptRegions
 from planner.app.batch import (
     PLAN_FILE,
@@ -105,7 +106,9 @@ from planner.request.dimension import Dimension
 from planner.request.words import features_text, n_not_planned
 from planner.resume import read_state, state_difference
 from planner.robotcell.arm import unchecked_text
-from planner.text_table import Column, print_table, print_text, words
+from planner.robotcell.camera_body import unchecked_of
+from planner.robotcell.hand import has_camera_body
+from planner.text_table import Column, enumerated, print_table, print_text, words
 from planner.verify.simulate_plan import simulate_plan
 
 if TYPE_CHECKING:
@@ -436,9 +439,10 @@ def print_arm(plan: InspectionPlan) -> None:
     print_table(columns, rows)
     names = list(dict.fromkeys(setting.fixturing for setting in plan.settings if setting.fixturing))
     print_text(f"{plan.cell['robot']} reaches all settings, with the part lying {listed(names)}.")
-    unchecked = unchecked_text(plan.cell.get("bodiless_links", ()))
-    if unchecked:
-        print_text(f"warning: {unchecked}")
+    links = unchecked_text(plan.cell.get("bodiless_links", ()))
+    has_body = has_camera_body(plan.cell.get("parts", {}))
+    for text in unchecked_of(links, has_camera_body=has_body):
+        print_text(f"warning: {text}")
 
 
 def _turned(angle_deg: float | None) -> str:
@@ -447,8 +451,7 @@ def _turned(angle_deg: float | None) -> str:
 
 def listed(names: list[str]) -> str:
     """Return names in quotes, the last behind an and."""
-    quoted = [repr(name) for name in names]
-    return " and ".join(filter(None, [", ".join(quoted[:-1]), *quoted[-1:]]))
+    return enumerated([repr(name) for name in names])
 
 
 def graph(options: Graph) -> int:
@@ -499,6 +502,9 @@ def dimensions(options: Dimensions) -> int:
     if options.json:
         print_json([requirement.to_dict() for requirement in stated])
     else:
+        for text in solid.notes:
+            if text.startswith(UNIT_NOTE):
+                print_text(f"note: {text}")
         terminal_tables.print_requirements(stated)
     return DONE
 
@@ -751,6 +757,11 @@ def predict(options: Predict) -> int:
         )
     else:
         terminal_tables.print_prediction(predicted, pose_file.source, pose_file.frame)
+        if pose_file.light:
+            print_text(
+                f"note: the light of that plan ({pose_file.light}) is not considered: targets that it does not "
+                "show count as inspected here. plan --poses with --light considers it"
+            )
         print_unit(options.part, options.units)
         _print_left_out(targets)
         if text := localisation_text(options, targets.items):

@@ -38,6 +38,7 @@ from planner.measuring.results import Result, UnseenBreaks
 from planner.measuring.samples import EdgeTable, PartModel, across_of, pixels_of, profiles_of
 from planner.measuring.verdict import Sampled
 from planner.request.edge_state import UNSTATED_MM, EdgeState, chamfer_lines
+from planner.text_table import digits_text
 
 Array = NDArray[np.float64]
 
@@ -548,7 +549,8 @@ def edges_text(
     worst = results[max(wider, key=lambda name: wider[name] / results[name].expanded_uncertainty)]
     text = (
         f"U holds for that. Images may not show breaks of up to {unseen.limit_mm:.2g} mm: with them, U of "
-        f"{worst.name} is {wider[worst.name]:.2g} {worst.unit}, not {worst.expanded_uncertainty:.2g} {worst.unit}"
+        f"{worst.name} is {digits_text(wider[worst.name], 2)} {worst.unit}, "
+        f"not {digits_text(worst.expanded_uncertainty, 2)} {worst.unit}"
     )
     if unseen.open_decisions:
         names = ", ".join(unseen.open_decisions[:4]) + ", ..." * (len(unseen.open_decisions) > 4)

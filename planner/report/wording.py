@@ -23,7 +23,7 @@ from planner.request.dimension_files import SURFACES_MM
 from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState, largest_shift, value_sigma
 from planner.request.targets import words_of
 from planner.rows import unshown_warning
-from planner.text_table import count
+from planner.text_table import count, digits_text
 from planner.verify.setting_record import measurements, search_windows_px
 from planner.verify.simulate_setting import (
     CONFIRMED,
@@ -205,10 +205,13 @@ def unstated_edges_text(plan: InspectionPlan) -> str:
     _, target, shift, expanded = worst
     assumed = EdgeState()
     measured = math.hypot(expanded, COVERAGE * value_sigma(target.measurand, assumed))
+    moved, sharp, broken = (
+        f"{digits_text(length, 2)} {target.unit}" for length in (shift, expanded, measured)
+    )
     return (
-        f"planned as sharp; a break of {TYPICAL_BREAK_MM:g} mm would move {target.name} by up to {shift:.2g} "
-        f"{target.unit}, its U is {expanded:.2g} {target.unit}. 'measure' assumes breaks of up to {assumed.high_mm:g} "
-        f"mm where none is stated. Its U is then about {measured:.2g} {target.unit}, and less where the image tells "
+        f"planned as sharp; a break of {TYPICAL_BREAK_MM:g} mm would move {target.name} by up to {moved}, "
+        f"its U is {sharp}. 'measure' assumes breaks of up to {assumed.high_mm:g} mm where none is "
+        f"stated. Its U is then about {broken}, and less where the image tells "
         "how the light falls. State the edges: --edges sharp, or edge_break_mm"
     )
 

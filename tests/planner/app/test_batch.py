@@ -604,6 +604,6 @@ def test_reasons_of_several_targets_are_told_once():
     }
     assert _short_reasons(reasons) == [
         "no corner to measure to: e0, e2",
-        "hole: out of reach: far.",
+        "hole: out of reach: far",
         "x: none",
     ]
