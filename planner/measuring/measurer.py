@@ -58,7 +58,15 @@ from planner.measuring.results import (
     Source,
 )
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartEdge, PartModel
-from planner.measuring.seen_breaks import edges_text, seen_break, seen_notes, unseen_breaks
+from planner.measuring.seen_breaks import (
+    UNCLEAR_PX,
+    edges_text,
+    pixel_mm,
+    seen_break,
+    seen_notes,
+    unseen_breaks,
+    unseen_mm,
+)
 from planner.measuring.task import (
     REPEATABILITY,
     NotRegisteredError,
@@ -68,7 +76,7 @@ from planner.measuring.task import (
     distance_of,
 )
 from planner.request.dimension import POSITIONS, is_one_sided
-from planner.request.edge_state import MOST_UNSEEN_MM, UNSEEN_PX, EdgeState, checked_break
+from planner.request.edge_state import EdgeState, checked_break
 from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES
 from planner.request.targets import Target, targets_of
 from planner.sensor_setting import SensorSetting, setting_name
@@ -406,13 +414,13 @@ class Measurer:
             name: plan.targets[name] for name in plan.inspected if name not in plan.split
         }
         # a setting measures a target by the witness that it was planned with
-        self._by_witness = {
+        self.by_witness = {
             witness_key(setting, name): whole_targets(plan, setting)[name]
             for setting in plan.settings
             for name in setting.entities
         }
         area = None if plan.light is None else plan.light.area
-        self.model = PartModel(solid, self._by_witness, area)
+        self.model = PartModel(solid, self.by_witness, area)
         self._ends = self._ends_of_others()
 
     @with_one_thread
@@ -466,8 +474,9 @@ class Measurer:
         seen = seen_break(self.model, pictures, poses)
         edge_notes = seen_notes(seen, self.edge_state(options))
         uses_seen = seen is not None and not self.edge_state(options).stated
+        is_broken = seen is not None or self._is_wide(self.edge_state(options), poses)
         response = judge_response(
-            self.model, pictures, poses, self._edges_half_px(poses), seen is not None
+            self.model, pictures, poses, self._edges_half_px(poses), is_broken
         )
         pictures = response.pictures
         if seen is not None and uses_seen:
@@ -483,7 +492,9 @@ class Measurer:
         scene = self.model.edges.scene
         notes = image_notes(self.plan, scene, pictures, registered, readings)
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
-        unseen = unseen_breaks(results, states, self._unseen_mm(registered), options.rule)
+        poses_of_images = [image.cam2world for image in registered.values()]
+        limit_mm = unseen_mm(self.plan.camera, self.model.solid, poses_of_images)
+        unseen = unseen_breaks(results, states, limit_mm, options.rule)
         of_images = (*image_set.notes, *response.notes(readings), *edge_notes, *joint.notes)
         return MeasurementResults(
             {name: results[name] for name in self.plan.entities},
@@ -778,7 +789,7 @@ class Measurer:
         """Return the reading of a target in an image, as it is at the joint estimate of all images."""
         registered = image.registered
         key = witness_key(self.plan.settings[shot.setting], name)
-        target = self._by_witness[key]
+        target = self.by_witness[key]
         place = (name, shot.name, shot.setting)
         floor_px = self._floor_px(target.localisation, options)
         edge_state = self.edge_state(options, target)
@@ -971,7 +982,7 @@ class Measurer:
             # deviations are estimated, and entities are searched for where these put them
             return dict.fromkeys(shot.targets, NEAR_PX)
         setting = self.plan.settings[shot.setting]
-        targets = {name: self._by_witness[witness_key(setting, name)] for name in shot.targets}
+        targets = {name: self.by_witness[witness_key(setting, name)] for name in shot.targets}
         return self._searched_px(setting, targets, registered)
 
     def _searched_px(
@@ -1015,19 +1026,12 @@ class Measurer:
         of_target = getattr(target, "edge_break_mm", None)
         return EdgeState.of(of_target, options.edge_break_mm, self.plan.request.edge_break_mm)
 
-    def _unseen_mm(self, registered: Mapping[str, Registered]) -> float:
-        """Return the largest break that images do not show, mm: so many pixels in the middle of the part."""
-        camera = self.plan.camera
-        solid = self.model.solid
-        middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
-        depths = [
-            float((middle - image.cam2world[:3, 3]) @ image.cam2world[:3, 2])
-            for image in registered.values()
-        ]
-        pitch = float(max(camera.pixel_pitch_mm)) / camera.image_distance_mm
-        if not depths:
-            return 0.0
-        return min(UNSEEN_PX * pitch * float(np.median(depths)), MOST_UNSEEN_MM)
+    def _is_wide(self, state: EdgeState, registered: Mapping[str, Registered]) -> bool:
+        """Return whether edges are stated as broken so widely that light beside them is asymmetric."""
+        if not state.stated or not registered:
+            return False
+        poses = [image.cam2world for image in registered.values()]
+        return state.high_mm > UNCLEAR_PX * pixel_mm(self.plan.camera, self.model.solid, poses)
 
     def _floor_px(self, planned: Localisation, options: MeasureOptions) -> float:
         if options.localisation is not None:

@@ -23,6 +23,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +38,18 @@ from planner.measuring.registered import Faces, Lamp, Registered
 from planner.measuring.results import Result, UnseenBreaks
 from planner.measuring.samples import EdgeTable, PartModel, across_of, pixels_of, profiles_of
 from planner.measuring.verdict import Sampled
-from planner.request.edge_state import UNSTATED_MM, EdgeState, chamfer_lines
+from planner.request.edge_state import (
+    MOST_UNSEEN_MM,
+    UNSEEN_PX,
+    UNSTATED_MM,
+    EdgeState,
+    chamfer_lines,
+)
 from planner.text_table import digits_text
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from planner.camera.camera import Camera
 
 Array = NDArray[np.float64]
 
@@ -461,6 +472,20 @@ def _agreed(
 
 
 # What is neither stated nor shown.
+
+
+def pixel_mm(camera: Camera, solid: Solid, poses: Sequence[Array]) -> float:
+    """Return how much a pixel is in the middle of a part, mm; the median of poses (4, 4), and 0 without any."""
+    middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
+    depths = [float((middle - pose[:3, 3]) @ pose[:3, 2]) for pose in poses]
+    if not depths:
+        return 0.0
+    return float(max(camera.pixel_pitch_mm)) / camera.image_distance_mm * float(np.median(depths))
+
+
+def unseen_mm(camera: Camera, solid: Solid, poses: Sequence[Array]) -> float:
+    """Return the largest break that images from poses (4, 4) do not show, mm."""
+    return min(UNSEEN_PX * pixel_mm(camera, solid, poses), MOST_UNSEEN_MM)
 
 
 def unseen_breaks(

@@ -14,6 +14,7 @@ from errors.checks import interval_text, probability_text
 from errors.measurands import DecisionRule, Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.geometry import is_short
 from planner.light.light_plan import WHITE_SHARE, Exposure, exposure_of
+from planner.measuring.foreseen import Foreseen, surest
 from planner.measuring.results import decimals_of, rounded_up
 from planner.progress import TimeLeft, report
 from planner.report.coverage import zone_of
@@ -501,6 +502,42 @@ def budgets_table(plan: InspectionPlan) -> Table | None:
     if len(pairs) < sum(len(measurements(plan, setting)) for setting in plan.settings):
         notes.append("Short arcs have quantiles instead of a variance, and so no budget.")
     return Table(columns, rows, "budgets", "stack", notes=notes)
+
+
+def foreseen_table(plan: InspectionPlan, foreseen: Sequence[Foreseen]) -> Table | None:
+    """Return U of each dimension as planned, and as `measure` will state it; nothing where edges are stated.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    foreseen : sequence of Foreseen
+        What `measure` will state.
+    """
+    rows: list[list[Any]] = []
+    best = surest(foreseen)
+    for name in (name for name in plan.entities if name in best):
+        row = best[name]
+        if row.limit_mm <= 0:
+            continue
+        setting = plan.settings[row.setting]
+        planned = measurements(plan, setting)[name].expanded_uncertainty
+        amounts = (planned, row.expanded_uncertainty, row.unseen_uncertainty)
+        open_text = "open" if row.is_open else ""
+        texts = [f"{amount:.2g} {plan.dimensions[name].unit}" for amount in amounts]
+        rows.append([name, [row.setting + 1], f"{setting.promise[name]:.4f}", *texts, open_text])
+    if not rows:
+        return None
+    columns = [
+        Column("Dimension"),
+        Column("Setting", kind="settings"),
+        Column("P", right=True),
+        Column("U as planned", right=True),
+        Column("U of measure", right=True),
+        Column("U with unseen breaks", right=True),
+        Column("A nominal part"),
+    ]
+    return Table(columns, rows, "foreseen", "stack")
 
 
 def _percent_text(percent: float) -> str:

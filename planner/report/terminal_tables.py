@@ -12,6 +12,7 @@ import numpy as np
 from aspectgraph import EntityAspectGraph
 from aspectgraph.dimensions.geometric import entity_text
 from errors.checks import frequency_text, interval_text, probability_text
+from planner.measuring.foreseen import Foreseen
 from planner.optics import PosePrediction, PosesPrediction
 from planner.plan import InspectionPlan
 from planner.progress import visible
@@ -218,10 +219,11 @@ def _dimension_row(dimension: Any) -> tuple[Any, ...]:
     return (dimension.name, kind, nominal, tolerance, dimension.n_features, entities)
 
 
-def print_plan(plan: InspectionPlan) -> None:
+def print_plan(plan: InspectionPlan, foreseen: Sequence[Foreseen] = ()) -> None:
     """Print the plan: settings, what each measures and how surely, and what cannot be inspected.
 
-    Of the margins of a setting only the tightest is shown; plan.json and the report hold all.
+    Of the margins of a setting only the tightest is shown; plan.json and the report hold all. Where edges are not
+    stated, it says what `measure` will state, if that is foreseen.
     """
     names = list(plan.entities)
     columns = (
@@ -251,7 +253,7 @@ def print_plan(plan: InspectionPlan) -> None:
     if plan.not_planned:
         print_text(f"drawing: {verdict_text(coverage(plan))}")
     _print_not_inspected(plan)
-    for text in _notes(plan):
+    for text in _notes(plan, foreseen):
         print_text(words(text, names), indent="  ")
 
 
@@ -297,7 +299,7 @@ def _exposed(exposure: Exposure | None, camera: Camera) -> str:
     return f"{place} ({column}, {row}) has {white_text(exposure.share, camera)}"
 
 
-def _notes(plan: InspectionPlan) -> list[str]:
+def _notes(plan: InspectionPlan, foreseen: Sequence[Foreseen]) -> list[str]:
     """Return what else to know of a plan: what is not shown, lines near others, the state of edges."""
     texts = []
     images = None if plan.simulation is None else plan.simulation.shown
@@ -309,7 +311,7 @@ def _notes(plan: InspectionPlan) -> list[str]:
         texts.append(text)
     if text := near_lines_text(plan):
         texts.append(text)
-    if text := edges_text(plan):
+    if text := edges_text(plan, foreseen):
         texts.append(f"edges: {text}")
     return texts
 
