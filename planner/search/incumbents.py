@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ground.shared import Shared
 from planner.bound.lower_bound import ProvenBound, exclusion_proof
 from planner.callbacks import LEAST_SEARCH_S, NOBODY, Callbacks, Checkpoint
 from planner.cover import bound_columns, exchange_columns, greedy_cover
-from planner.executors import Shared, in_order
+from planner.executors import in_order
 from planner.identity import Request
 from planner.plan import InspectionPlan
 from planner.request.problem import Problem, witness_reasons
