@@ -751,7 +751,8 @@ class Reach(InCell):
         before the robot, at the height of the cell file)
     table
         with --place: lay the part on each of its flat sides, on this obstacle or on posts that stand on it;
-        it is a box of the cell or of its first fixturing (default: keep how it lies)
+        it is a box of the cell or of its first fixturing, such as the plate of a turntable or the backlight, "light"
+        (default: keep how it lies)
     post_heights
         with --table: heights of the posts, mm; 0 is the table itself (default: 0 to 300 in nine steps)
     post_width
@@ -759,7 +760,8 @@ class Reach(InCell):
     ways
         with --table: in how many ways the part may lie, one after the other: 1 or 2
     draws
-        with --place: positions to try (default: 300, or 1500 with --table)
+        with --place: positions to try (default: 300, or 1500 with --table, there 300 on a
+        turntable)
     cell_out
         with --place: write the cell with the best position, as it was evaluated; one that exists is replaced (default:
         print its fixturings only)

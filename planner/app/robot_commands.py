@@ -193,6 +193,8 @@ _ROWS = 5
 # positions that are tried, of the part as it lies and on all its sides
 _PLACES = 300
 _WAYS = 1500
+# each asks for all angles of the table
+_WAYS_ON_TURNTABLE = 300
 # of the best ways, those whose program is made
 _PROGRAMMED = 4
 # of the longest reach of the arm, where a part is looked for
@@ -387,7 +389,8 @@ def _laid(options: Reach, plan: InspectionPlan, solid: Solid, cell: Cell) -> int
     posts = Posts(heights, options.post_width)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         search = LayingSearch(plan, solid, cell, str(options.table), posts)
-        proposals = search.run(options.draws or _WAYS, options.seed, options.ways, progress)
+        draws = _WAYS_ON_TURNTABLE if search.turns else _WAYS
+        proposals = search.run(options.draws or draws, options.seed, options.ways, progress)
         ways = _with_programs(proposals, plan, solid, cell)
     if options.json:
         print_json([_way_record(way) for way in ways])

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from aspectgraph.files import read_text
 from planner.argument_kinds import POSITIVE, shown
@@ -21,6 +22,7 @@ from planner.robotcell.urdf import (
     JOINT_COUNTS,
     LinkShape,
     UrdfArm,
+    calibrated_text,
     carry,
     check_pose,
     check_rotations,
@@ -339,6 +341,8 @@ class Robot:
         bodiless_links: str | Sequence[str] = (),
         coupled: Sequence[Sequence[float]] = (),
         axis_limits: Sequence[Sequence[float]] = (),
+        calibration: str | PathLike[str] | None = None,
+        joint_offsets: Sequence[float] = (),
     ) -> Robot:
         """Read a robot.
 
@@ -364,6 +368,12 @@ class Robot:
             Axis, joint, factor: the controller counts this axis as its joint plus the factor times the other joint.
         axis_limits : sequence of (int, float, float)
             Limits of the controller's axes, where it has others: axis, least and largest angle, rad.
+        calibration : str or Path, optional
+            A file that ``ur_calibration`` writes, or another in YAML: under ``kinematics`` the measured origin of each
+            joint in the link before it, x, y and z in m, roll, pitch and yaw in rad, by the joint or the link behind
+            it. They replace those of the URDF.
+        joint_offsets : sequence of float
+            What each joint is farther than its controller counts, rad: a calibration of zeros alone.
 
         Returns
         -------
@@ -383,6 +393,9 @@ class Robot:
             ) from None
         except UnicodeDecodeError:
             raise RobotError.of_rule("urdf", "must be UTF-8 text", repr(str(file))) from None
+        origins = None if calibration is None else _measured_origins(Path(calibration))
+        if origins or len(joint_offsets):
+            text = calibrated_text(text, tip, origins, joint_offsets)
         strongest = _checked_rates("accelerations", "rad/s²", accelerations)
         fastest = None if speeds is None else _checked_rates("speeds", "rad/s", speeds)
         try:
@@ -638,6 +651,25 @@ class Robot:
 
     def __repr__(self) -> str:
         return f"<Robot {self.name!r}, tip {self.tip!r}>"
+
+
+def _measured_origins(file: Path) -> dict[str, Any]:
+    """Return the origins of joints by name that a calibration file holds."""
+    try:
+        data = yaml.safe_load(read_text(file))
+    except OSError as error:
+        got = f"{str(file)!r}: {error.strerror}"
+        raise RobotError.of_rule("calibration", "must be a file that can be read", got) from None
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError):
+        raise RobotError.of_rule("calibration", "must be YAML", repr(str(file))) from None
+    kinematics = data.get("kinematics") if isinstance(data, dict) else None
+    # the digest of the arm is among its joints
+    origins = kinematics if isinstance(kinematics, dict) else {}
+    origins = {str(name): value for name, value in origins.items() if name != "hash"}
+    if not origins:
+        rule = "must hold the mapping kinematics, with an origin for each joint"
+        raise RobotError.of_rule("calibration", rule, repr(str(file)))
+    return origins
 
 
 def _values(joints: Sequence[Joint], name: str) -> np.ndarray:

@@ -14,7 +14,7 @@ from planner.exceptions import RobotError
 from planner.robotcell.arm import Robot
 from planner.robotcell.bodies import Body, Fixturing, Grip, Standing, Surface
 from planner.robotcell.cell_file import cell_fields
-from planner.robotcell.cell_light import CarriedLight, LightBox
+from planner.robotcell.cell_light import BACKLIGHT, CarriedLight, LightBox
 from planner.robotcell.collisions import (
     Arm,
     Closeness,
@@ -1002,16 +1002,38 @@ def reachability_of(cell: Cell, plan: Any, *, all_branches: bool = False) -> Rea
         for setting in plan.settings
     ]
 
+    unlit = _unlit_of(plan)
+
     def hidden(fixturing: str, angle: float, row: int) -> str:
         bodies = cell.hidden_by(cam2world[row][None], segments[row], fixturing, angle)[0]
-        both = zip(plan.settings[row].entities, bodies, strict=True)
-        return next((f"{body} hides {name}" for name, body in both if body), "")
+        names = plan.settings[row].entities
+        both = zip(names, bodies, strict=True)
+        words = next((f"{body} hides {name}" for name, body in both if body), "")
+        if words or unlit is None:
+            return words
+        between, met = cell._hand.before_light(
+            cam2world[row][None], segments[row], fixturing, angle
+        )
+        for name, body, is_met in zip(names, between[0], met[0], strict=True):
+            if name not in unlit[row] and not is_met:
+                return f"the backlight is not behind {name}"
+            if name not in unlit[row] and body:
+                return f"{body} hides the backlight behind {name}"
+        return ""
 
     poses = {
         name: tuple(_in_sight(cell, cam2world, partial(hidden, name), name, all_branches))
         for name in cell.fixturings
     }
     return Reachability(names, poses)
+
+
+def _unlit_of(plan: Any) -> Sequence[Any] | None:
+    """Return what a backlight leaves dark in each setting; None of a plan that no backlight shows as outlines."""
+    light = getattr(plan, "light", None)
+    if light is None or light.kind != BACKLIGHT or light.area.on_metal:
+        return None
+    return tuple(light.unlit)
 
 
 def _in_sight(
@@ -1092,6 +1114,7 @@ class CellRegion:
             poses = self._cell.reach(cam2world[rows], name, angle=angle)
             rows = rows[[pose.reached for pose in poses]]
             hidden = self._cell.hidden_by(cam2world[rows], segments, name, angle) != ""
+            hidden |= self._cell._hand.before_light(cam2world[rows], segments, name, angle)[0] != ""
             seen = wanted[rows]
             for target in range(wanted.shape[1]):
                 seen[:, target] &= ~hidden[:, owner == target].any(axis=1)
@@ -1116,8 +1139,12 @@ class CellRegion:
         """Return what is known of poses (n, 4, 4) in a fixturing, with all segments (s, 2, 3) in sight."""
 
         def hidden(angle: float, row: int) -> str:
-            bodies = self._cell.hidden_by(cam2world[row][None], segments, name, angle)[0]
-            return next((f"{body} hides it" for body in bodies if body), "")
+            views = cam2world[row][None]
+            bodies = self._cell.hidden_by(views, segments, name, angle)[0]
+            between = self._cell._hand.before_light(views, segments, name, angle)[0][0]
+            words = [f"{body} hides it" for body in bodies if body]
+            words += [f"{body} hides the backlight behind it" for body in between if body]
+            return next(iter(words), "")
 
         return _in_sight(self._cell, cam2world, hidden, name, all_branches)
 

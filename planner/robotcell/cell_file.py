@@ -7,6 +7,7 @@ import os
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -186,6 +187,8 @@ class RobotTable:
     bodiless_links: Any = None
     coupled: Any = None
     axis_limits_deg: tuple[Triple, ...] = ()
+    calibration: FileName | None = None
+    joint_offsets_deg: tuple[float, ...] = ()
 
     def robot(self, folder: Path) -> Robot:
         """Return the robot, which is read from its files."""
@@ -197,6 +200,8 @@ class RobotTable:
                 [axis, *np.radians([low, high]).tolist()]
                 for axis, low, high in self.axis_limits_deg
             ],
+            calibration=None if self.calibration is None else folder / self.calibration,
+            joint_offsets=np.radians(self.joint_offsets_deg).tolist(),
             **_stated(self, *names),
         )
 
@@ -351,32 +356,49 @@ def laid_cell(
     path : str or Path
         A cell file that `cell_fields` takes.
     fixturings : mapping of str to Fixturing
-        On no turntable, with boxes as obstacles.
+        Objects that the first fixturing of the file has stay as they are there; others are boxes. A turntable is
+        that of the file.
     folder : Path
         Names of other files are made relative to it.
     """
     file = Path(path)
     content = _read(file)
-    content["fixturings"] = {name: _laid(lying) for name, lying in fixturings.items()}
+    first = next(iter(content["fixturings"].values()))
+    content["fixturings"] = {name: _laid(lying, first) for name, lying in fixturings.items()}
     _name_files_from(content, file.parent, folder)
     return content
 
 
-def _laid(fixturing: Fixturing) -> dict[str, Any]:
-    boxes = {name: body for name, body in fixturing.obstacles.items() if isinstance(body, Box)}
-    return {
-        "part2base": fixturing.part2base.tolist(),
-        "obstacles": {
-            name: {"low": list(box.low), "high": list(box.high), "pose": box.pose.tolist()}
-            for name, box in boxes.items()
-        },
-    }
+_TABLE_KEYS = ("axis", "angles", "angles_deg", "turn_speed", "turn_acceleration")
+_LIGHT = "light"
+
+
+def _laid(fixturing: Fixturing, before: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a fixturing for a cell file, with what stays of one that the file had."""
+    stated: dict[str, Any] = {"part2base": fixturing.part2base.tolist()}
+    stated |= {key: before[key] for key in _TABLE_KEYS if key in before}
+    if _LIGHT in before:
+        stated[_LIGHT] = before[_LIGHT]
+    for kind in ("obstacles", "turning"):
+        bodies = {
+            name: deepcopy(before.get(kind, {}).get(name)) or _box_table(body)
+            for name, body in getattr(fixturing, kind).items()
+            if not isinstance(body, LightBox)
+        }
+        if bodies:
+            stated[kind] = bodies
+    return stated
+
+
+def _box_table(box: Any) -> dict[str, Any]:
+    return {"low": list(box.low), "high": list(box.high), "pose": box.pose.tolist()}
 
 
 def _name_files_from(content: dict[str, Any], old: Path, new: Path) -> None:
     """Make names of files that are relative to one folder relative to another one."""
-    places = [(content["robot"], "urdf")]
-    places += [(content["robot"]["packages"], key) for key in content["robot"].get("packages", {})]
+    robot = content["robot"]
+    places = [(robot, key) for key in ("urdf", "calibration") if key in robot]
+    places += [(robot["packages"], key) for key in robot.get("packages", {})]
     bodies = [*content.get("camera_body", []), *content.get("obstacles", {}).values()]
     for fixturing in content["fixturings"].values():
         for kind in ("obstacles", "turning"):
