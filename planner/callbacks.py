@@ -132,8 +132,8 @@ class Deadline:
         """
         now = time.time()
         latest = self._wall_begin + self._latest + _SIMULATION_BEYOND_S
-        least = min(now + least_s, latest)
-        return TimeLeft(max(self.at(share), (now + self.at()) / 2.0, least))
+        earliest = min(now + least_s, latest)
+        return TimeLeft(max(self.at(share), (now + self.at()) / 2.0, earliest))
 
     @contextmanager
     def stated_whole(self) -> Iterator[None]:
@@ -156,8 +156,8 @@ class Deadline:
     def glance_s(self) -> float:
         """Return for how many seconds there may be another glance: half of what is left, or its least time."""
         passed = time.monotonic() - self._begin
-        least = min(LEAST_SEARCH_S, self._latest + _FIRST_PLAN_BEYOND_S - passed)
-        return max((self._limit - passed) / 2.0, least)
+        shortest = min(LEAST_SEARCH_S, self._latest + _FIRST_PLAN_BEYOND_S - passed)
+        return max((self._limit - passed) / 2.0, shortest)
 
     def arm_soon(self) -> None:
         """There is a first plan; from `LEAST_SEARCH_S` on it is something to end with."""

@@ -592,11 +592,11 @@ def compute_regions(
 
 
 class _Means(NamedTuple):
-    """What regions are made by, reported to and kept in, and until when."""
+    """What regions are made by, reported to and stored in, and until when."""
 
     executor: Executor | None
     progress: Progress | None
-    kept: RegionStore | None
+    store: RegionStore | None
     deadline: float
 
 
