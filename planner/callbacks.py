@@ -41,6 +41,8 @@ that is shorter, or that reading the part has taken."""
 KEPT_LIMIT_S = 5.0
 """Limits from this one on are kept up to three seconds. A shorter one gives regions and search their least time."""
 
+# of the time until the search ends, where reading the part has taken much of the limit
+_LATE_REGIONS_SHARE = 2.0 / 3.0
 # seconds beyond the limit: until when regions and search may take their least time, until when
 # there must be a first plan, and until when a simulation may take its least time
 _SEARCH_BEYOND_S = 1.0
@@ -92,7 +94,8 @@ class Deadline:
         now = time.time()
         if self._latest == math.inf:
             return max(self.at(REGIONS_SHARE), now + LEAST_SEARCH_S)
-        return max(self.at(REGIONS_SHARE), (now + self._of_search(now)) / 2.0)
+        late = now + _LATE_REGIONS_SHARE * (self._of_search(now) - now)
+        return max(self.at(REGIONS_SHARE), late)
 
     def of_search(self, gap: float = 0.0) -> Deadline:
         """Return the deadline of the search that begins now: its share of the limit, or its least time."""
