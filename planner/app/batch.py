@@ -471,7 +471,8 @@ class FolderWork:
 
     def search(self, options: InspectionOptions) -> InspectionPlan:
         """Return the plan of the search."""
-        return plan_request(self.solid, self.resolved, options)
+        deadline = self.deadline.of_search(self.resolved.request.gap)
+        return plan_request(self.solid, self.resolved, options, deadline)
 
     def unwritten(self, plan: InspectionPlan, error: OutputError) -> OutputError:
         """Return what to raise when a plan cannot be written."""

@@ -88,7 +88,15 @@ from planner.optics import (
 )
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
-from planner.progress import Progress, labelled, note, reading_shown, terminal_progress, visible
+from planner.progress import (
+    Progress,
+    labelled,
+    note,
+    reading_shown,
+    report,
+    terminal_progress,
+    visible,
+)
 from planner.report import terminal_tables
 from planner.report.plan_folder import (
     PLAN_FILES,
@@ -590,12 +598,23 @@ class _CommandWork(FolderWork):
         return OutputError(f"{error} {rescue(plan, self.state)}")
 
 
+# who has limited the time watches it: seconds between two lines
+_MOST_SILENT_S = 2.0
+
+
 def _planned(options: Plan, job: Job, leftovers: Leftovers) -> tuple[InspectionPlan, Written, bool]:
     """Plan and write; return plan, files, and whether it was interrupted."""
+    limited = options.time_limit is not None
     with (
-        terminal_progress(quiet=options.quiet, lines=options.verbose) as progress,
+        terminal_progress(
+            quiet=options.quiet,
+            lines=options.verbose,
+            waiting=limited,
+            most_silent_s=_MOST_SILENT_S if limited else None,
+        ) as progress,
         _executor(options.jobs) as executor,
     ):
+        report(progress, 0, len(job.resolved.entities), "visible regions")
         best = BestSoFar(progress)
         run = replace(job.options, on_incumbent=best, executor=executor, progress=progress)
         work = _CommandWork(
