@@ -3,7 +3,8 @@
 A table stands between two comments, `<!-- table NAME -->` and `<!-- end of table -->`. Its rows come from the program,
 or from a file in `docs/measured` where computing them takes long. That file states the command, the date, the program
 and the digests of its inputs. `--models FOLDER` reads the models in a folder again, and stores what it finds.
-`--example FOLDER` stores what `measure` wrote there of the images in `examples/measured`. `--real-images CSV ...`
+`--example FOLDER` stores what `measure` wrote there of the images in `examples/measured`. `--drawing FOLDER` stores the
+rows of `benchmarks/planning/drawing_table.py` in its files `planned.json` and `registered.json`. `--real-images CSV`
 stores what `benchmarks/images/real_images.py` wrote.
 """
 
@@ -108,6 +109,52 @@ def store_example(folder: Path) -> None:
         "rows": example_rows(folder),
     }
     _store("example", record)
+
+
+def store_drawing(folder: Path) -> None:
+    """Store what plans cover of the drawings, without registration and with it."""
+    from ground.faces import project_version
+    from planner.files import timestamp
+
+    command = "python benchmarks/planning/drawing_table.py PARTS --time-limit 120 --json FOLDER/"
+    record: dict[str, Any] = {"date": timestamp(), "program": project_version()}
+    for name, option in (("planned", ""), ("registered", " --register")):
+        path = folder / f"{name}.json"
+        if path.is_file():
+            rows = json.loads(path.read_text(encoding="utf-8"))
+            record[name] = {"command": f"{command}{path.name}{option}", "rows": rows}
+    _store("drawing", record)
+
+
+def _drawing() -> str:
+    """Return what plans cover of the drawings: numbers of characteristics, and of positions among them."""
+    record = stored("drawing")
+    registered = {row["part"]: row for row in record.get("registered", {"rows": []})["rows"]}
+    heads = ["part", "requirements", "edges show", "characteristics", "inspected"]
+    heads += ["settings / bound"]
+    if registered:
+        heads += ["inspected, registered", "settings / bound"]
+    labels = {name.partition(".")[0]: label for label, name in MODELS.items()}
+    rows = []
+    for row in record["planned"]["rows"]:
+        cells = [labels[row["part"]], row["requirements"], row["measurable"]]
+        cells.append(_with_positions(row, "characteristics", "positions"))
+        cells += _planned(row)
+        if registered:
+            cells += _planned(registered.get(row["part"]))
+        rows.append(cells)
+    return table(heads, rows)
+
+
+def _planned(row: dict[str, Any] | None) -> list[str]:
+    if row is None:
+        return ["–", "–"]
+    inspected = _with_positions(row, "inspected", "positions inspected")
+    return [inspected, f"{row['settings']} / {row['bound']}"]
+
+
+def _with_positions(row: dict[str, Any], count: str, positions: str) -> str:
+    return f"{row[count]} ({row[positions]})"
 
 
 _CONDITION = ("edges", "material", "response", "bits", "state")
@@ -299,6 +346,7 @@ def _counted(rows: Sequence[dict[str, str]], total: int, method: str) -> str:
 
 
 TABLES: dict[str, Callable[[], str]] = {
+    "drawing": _drawing,
     "edge-images": _edge_images,
     "measured-example": _example,
     "model-dimensions": _model_dimensions,
@@ -341,12 +389,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--models", metavar="FOLDER", type=Path)
     parser.add_argument("--example", metavar="FOLDER", type=Path)
+    parser.add_argument("--drawing", metavar="FOLDER", type=Path)
     parser.add_argument("--real-images", metavar="CSV", type=Path, nargs="+")
     options = parser.parse_args()
     if options.models is not None:
         measure_models(options.models)
     if options.example is not None:
         store_example(options.example)
+    if options.drawing is not None:
+        store_drawing(options.drawing)
     if options.real_images:
         store_real_images(options.real_images)
     for path in pages():

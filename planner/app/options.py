@@ -816,8 +816,8 @@ class Program(ArmErrors, InCell):
         language of the controller; ros: trajectories as JSON, json: all data (default: by the suffix of --out, urscript
         without it)
     out
-        file to write; one that exists is replaced (default: inspection.script, .mod, .src, .csv, inspection_ros.json or
-        program.json)
+        file to write; one that exists is replaced (default: inspection.script, .mod, .src, .ls, .csv,
+        inspection_ros.json or program.json)
     speed
         share of the joints' largest speeds, like 0.5 or 50%
     settle
@@ -833,7 +833,7 @@ class Program(ArmErrors, InCell):
         same seed, same ways around obstacles
     """
 
-    format: Literal["urscript", "rapid", "krl", "ros", "csv", "json"] | None = None
+    format: Literal["urscript", "rapid", "krl", "fanuc", "ros", "csv", "json"] | None = None
     out: Annotated[str | None, _named("FILE", "--out", "-o")] = None
     speed: Annotated[float, value(SHARE, "S"), ABOVE_0_TO_1] = 0.5
     settle: Annotated[float, value(SECONDS, "S"), NOT_NEGATIVE] = 0.5

@@ -648,6 +648,8 @@ class Reading:
         Of a position with a material condition, the diameter of its hole or pin, measured on the same rim.
     entity : str
         The entity, if the value is what it would be if only this one of several was off; otherwise empty.
+    break_mean : float
+        Mean shift by breaks that nobody stated, with its sign; its square is part of the variance.
     """
 
     name: Annotated[str, NOT_STORED]
@@ -673,6 +675,7 @@ class Reading:
     covariance_mm2: tuple[tuple[float, ...], ...] = ()
     size_mm: NumberOrNull = math.nan
     entity: str = ""
+    break_mean: Annotated[float, NOT_STORED] = 0.0
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
@@ -770,6 +773,7 @@ def read_value(
         drawn_uncertainty=drawn,
         notes=_notes(COVERAGE * u, drawn, gradient, registered),
         edge_shift=broken.by_mm,
+        break_mean=broken.mean,
     )
 
 
@@ -784,11 +788,14 @@ class EdgeEffect(NamedTuple):
         Of what remains.
     by_mm : float
         How far the value moves at most if all edges are broken by 1 mm; nan of a sharp part.
+    mean : float
+        Mean shift that is not corrected because nobody stated the breaks; its square is part of the variance.
     """
 
     shift: float
     variance: float
     by_mm: float
+    mean: float = 0.0
 
 
 def edge_effect(
@@ -834,7 +841,8 @@ def edge_effect(
     )
     ends = np.array([shift.ends for shift in shifts])
     by_mm = max(float(ends.max(axis=1).sum()), -float(ends.min(axis=1).sum()))
-    return EdgeEffect(shift, variance, by_mm)
+    mean = 0.0 if state.stated else math.fsum(shift.mean for shift in shifts)
+    return EdgeEffect(shift, variance, by_mm, mean)
 
 
 def _notes(

@@ -45,6 +45,7 @@ from planner.request.edge_state import (
     EdgeState,
     chamfer_lines,
 )
+from planner.text_table import digits_text
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -573,7 +574,8 @@ def edges_text(
     worst = results[max(wider, key=lambda name: wider[name] / results[name].expanded_uncertainty)]
     text = (
         f"U holds for that. Images may not show breaks of up to {unseen.limit_mm:.2g} mm: with them, U of "
-        f"{worst.name} is {wider[worst.name]:.2g} {worst.unit}, not {worst.expanded_uncertainty:.2g} {worst.unit}"
+        f"{worst.name} is {digits_text(wider[worst.name], 2)} {worst.unit}, "
+        f"not {digits_text(worst.expanded_uncertainty, 2)} {worst.unit}"
     )
     if unseen.open_decisions:
         names = ", ".join(unseen.open_decisions[:4]) + ", ..." * (len(unseen.open_decisions) > 4)

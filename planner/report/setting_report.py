@@ -17,6 +17,7 @@ from planner.light.light_plan import WHITE_SHARE, Exposure, exposure_of
 from planner.measuring.foreseen import Foreseen, surest
 from planner.measuring.results import decimals_of, rounded_up
 from planner.progress import TimeLeft, report
+from planner.report.coverage import zone_of
 from planner.report.figure import color_of, drawn
 from planner.report.predicted_image import PictureMaker
 from planner.report.tables import (
@@ -41,11 +42,11 @@ from planner.report.wording import (
     surfaces_sources,
     white_text,
 )
-from planner.request.dimension import is_one_sided
+from planner.request.dimension import POSITIONS, is_one_sided
 from planner.request.targets import targets_of, words_of
 from planner.request.words import deviation_text, tolerance_text
 from planner.rows import Row, split_rows
-from planner.text_table import Column, Table
+from planner.text_table import Column, Table, digits_text
 from planner.verify.setting_record import Measurement, measurements
 
 if TYPE_CHECKING:
@@ -374,12 +375,12 @@ def _row(plan: InspectionPlan, k: int, name: str, measurement: Measurement) -> l
     return [
         [CellLine(name), CellLine(f"{_what(dimension)}{alone}", "note")],
         _nominal(dimension),
-        unbroken(f"{expanded:.3g} {dimension.unit}"),
+        unbroken(f"{digits_text(expanded, 3)} {dimension.unit}"),
         _ratio(dimension, expanded),
         _permitted(dimension, measurement),
         [k + 1],
         _probability(plan, k, name),
-        f"{measurement.standard_uncertainty:.3g}",
+        digits_text(measurement.standard_uncertainty, 3),
         _budget(dimension, measurement),
         _accepted(dimension, measurement.standard_uncertainty),
         measurement.binding,
@@ -402,12 +403,12 @@ def _split_row(plan: InspectionPlan, row: Row) -> list[Any]:
     return [
         [CellLine(row.name), CellLine(_what(dimension), "note")],
         _nominal(dimension),
-        unbroken(f"{expanded:.3g} {dimension.unit}"),
+        unbroken(f"{digits_text(expanded, 3)} {dimension.unit}"),
         _ratio(dimension, expanded),
         [CellLine(unbroken(f"±{dimension.permitted_error:.4g} {dimension.unit}"))],
         [first + 1, second + 1],
         promise,
-        f"{row.standard_uncertainty:.3g}",
+        digits_text(row.standard_uncertainty, 3),
         [],
         _accepted(dimension, row.standard_uncertainty),
         "both entities together",
@@ -434,7 +435,7 @@ def _permitted(dimension: PlannedDimension, measurement: Measurement) -> list[Ce
     """Return the permitted error, in the image too, and its share of the tolerance."""
     lines = [CellLine(unbroken(f"±{dimension.permitted_error:.4g} {dimension.unit}"))]
     if measurement.permitted_error_px is not None:
-        lines.append(CellLine(unbroken(f"{measurement.permitted_error_px:.3g} px")))
+        lines.append(CellLine(unbroken(f"{digits_text(measurement.permitted_error_px, 3)} px")))
     if dimension.share_text:
         lines.append(CellLine(unbroken(dimension.share_text), "note"))
     return lines
@@ -444,6 +445,8 @@ def _nominal(dimension: PlannedDimension) -> list[CellLine]:
     text = f"{dimension.nominal:.6g} {dimension.unit}"
     if dimension.tolerance is None:
         return [CellLine(text)]
+    if dimension.kind in POSITIONS:
+        return [CellLine(" | ".join((zone_of(dimension), *dimension.datum_names)))]
     lower, upper = dimension.tolerance
     if is_one_sided(dimension.tolerance) or lower == -upper:
         return [CellLine(text), CellLine(tolerance_text(dimension.tolerance))]
@@ -563,6 +566,9 @@ def _budget(dimension: PlannedDimension, measurement: Measurement) -> list[Share
 def _accepted(dimension: PlannedDimension, u: float) -> list[CellLine]:
     if dimension.tolerance is None:
         return [CellLine("no tolerance stated")]
+    if dimension.kind in POSITIONS:
+        # its two components are decided together: limits of their length would refuse a perfect part
+        return [CellLine("decided in a disc")]
     rule = DecisionRule.iso14253()
     limits = acceptance_limits(dimension.tolerance, u, rule)
     if limits is None:

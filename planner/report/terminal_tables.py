@@ -50,6 +50,7 @@ from planner.text_table import (
     Column,
     WholePieces,
     count,
+    digits_text,
     listed,
     print_table,
     print_text,
@@ -612,8 +613,8 @@ def _predicted_row(pose: str, name: str, target: PosePrediction) -> tuple[str, .
         pose,
         name,
         f"{target.nominal:.6g} {unit}",
-        f"{target.permitted_error:.3g} {unit}",
-        f"{target.expanded_uncertainty:.3g} {unit}",
+        f"{digits_text(target.permitted_error, 3)} {unit}",
+        f"{digits_text(target.expanded_uncertainty, 3)} {unit}",
         probability_text(target.probability),
         probability_text(target.p_all),
     )
@@ -635,9 +636,9 @@ def _grouped(short: Mapping[str, PosePrediction], required: float) -> list[tuple
         text = key
         if len(stated) == len(names):
             text = why_missed(key, min(stated))
-            if f"{max(stated):.3g}" != f"{min(stated):.3g}" and " by " in text:
+            if digits_text(max(stated), 3) != digits_text(min(stated), 3) and " by " in text:
                 head, _, unit = text.rpartition(" ")
-                text = f"{head} to {max(stated):.3g} {unit}"
+                text = f"{head} to {digits_text(max(stated), 3)} {unit}"
         lines.append((text, names))
     return lines
 

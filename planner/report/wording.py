@@ -24,7 +24,7 @@ from planner.request.dimension_files import SURFACES_MM
 from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState, largest_shift, value_sigma
 from planner.request.targets import words_of
 from planner.rows import unshown_warning
-from planner.text_table import count
+from planner.text_table import count, digits_text
 from planner.verify.setting_record import measurements, search_windows_px
 from planner.verify.simulate_setting import (
     CONFIRMED,
@@ -221,8 +221,8 @@ def unstated_edges_text(plan: InspectionPlan, foreseen: Sequence[Foreseen] = ())
         return ""
     _, target, shift, expanded = worst
     moved = (
-        f"planned as sharp; a break of {TYPICAL_BREAK_MM:g} mm would move {target.name} by up to {shift:.2g} "
-        f"{target.unit}, its U is {expanded:.2g} {target.unit}"
+        f"planned as sharp; a break of {TYPICAL_BREAK_MM:g} mm would move {target.name} by up to "
+        f"{digits_text(shift, 2)} {target.unit}, its U is {digits_text(expanded, 2)} {target.unit}"
     )
     if text := _foreseen_text(plan, foreseen):
         return f"{moved}. {text}. {_STATE_EDGES}"
@@ -230,7 +230,8 @@ def unstated_edges_text(plan: InspectionPlan, foreseen: Sequence[Foreseen] = ())
     measured = math.hypot(expanded, COVERAGE * value_sigma(target.measurand, assumed))
     return (
         f"{moved}. 'measure' assumes breaks of up to {assumed.high_mm:g} mm where none is stated. Its U is then at "
-        f"most about {measured:.2g} {target.unit}, and less where the image tells how the light falls. {_STATE_EDGES}"
+        f"most about {digits_text(measured, 2)} {target.unit}, and less where the image tells how the light falls. "
+        f"{_STATE_EDGES}"
     )
 
 
@@ -241,10 +242,11 @@ def _foreseen_text(plan: InspectionPlan, foreseen: Sequence[Foreseen]) -> str:
         return ""
     worst = max(rows, key=lambda row: row.unseen_uncertainty / row.expanded_uncertainty)
     unit = plan.dimensions[worst.name].unit
+    unseen = digits_text(worst.unseen_uncertainty, 2)
     text = (
         f"'measure' assumes breaks of up to {EdgeState().high_mm:g} mm where none is stated: its U of {worst.name} "
-        f"will be about {worst.expanded_uncertainty:.2g} {unit}. Images may not show breaks of up to "
-        f"{worst.limit_mm:.2g} mm: with them, this U is about {worst.unseen_uncertainty:.2g} {unit}"
+        f"will be about {digits_text(worst.expanded_uncertainty, 2)} {unit}. Images may not show breaks of up to "
+        f"{digits_text(worst.limit_mm, 2)} mm: with them, this U is about {unseen} {unit}"
     )
     undecided = sum(row.is_open for row in rows)
     if undecided:

@@ -19,6 +19,7 @@ from planner.robotcell.bodies import Hull, hull_of, read_triangles, round_points
 from planner.robotcell.branches import Branches, Chain
 from planner.robotcell.redundancy import RedundantBranches, branches_of
 from planner.robotcell.urdf import (
+    COLLADA,
     JOINT_COUNTS,
     LinkShape,
     UrdfArm,
@@ -26,6 +27,7 @@ from planner.robotcell.urdf import (
     carry,
     check_pose,
     check_rotations,
+    collada_points,
     compose,
     rate_of_each,
     read_urdf,
@@ -356,7 +358,8 @@ class Robot:
             Link whose frame is the robot's base. Default: ``base_link``, otherwise the first link. The pendant of a
             UR shows ``base``, which is turned by 180° about z.
         packages : mapping of str to path, optional
-            Folders of the packages that ``package://`` names.
+            Folders of the packages that ``package://`` names. Default: those that hold the file, or that are next to
+            it or above.
         accelerations : float or sequence of floats, one a joint
             Largest accelerations of the joints, rad/s², which a URDF does not state.
         speeds : float or sequence of floats, one a joint, optional
@@ -369,9 +372,9 @@ class Robot:
         axis_limits : sequence of (int, float, float)
             Limits of the controller's axes, where it has others: axis, least and largest angle, rad.
         calibration : str or Path, optional
-            A file that ``ur_calibration`` writes, or another in YAML: under ``kinematics`` the measured origin of each
-            joint in the link before it, x, y and z in m, roll, pitch and yaw in rad, by the joint or the link behind
-            it. They replace those of the URDF.
+            A file that ``ur_calibration`` writes, or another in YAML. Under ``kinematics`` it has the measured origin
+            of each joint in the link before it, by the joint or the link behind it: x, y and z in m, roll, pitch and
+            yaw in rad. They replace those of the URDF.
         joint_offsets : sequence of float
             What each joint is farther than its controller counts, rad: a calibration of zeros alone.
 
@@ -749,7 +752,10 @@ def _points(
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         return signs * np.array(shape.size) / 2
     if shape.kind == "mesh":
-        corners, _ = read_triangles(_mesh_path(shape.file, folder, packages), "urdf")
+        path = _mesh_path(shape.file, folder, packages)
+        if path.suffix.lower() == COLLADA:
+            return collada_points(path.read_bytes(), path.name) * np.array(shape.size)
+        corners, _ = read_triangles(path, "urdf")
         return corners * np.array(shape.size)
     radius, *length = shape.size
     return round_points(radius, length[0] if length else 0.0)
@@ -760,16 +766,34 @@ def _mesh_path(name: str, folder: Path, packages: Mapping[str, str | PathLike[st
     scheme, _, inner_path = name.rpartition("://")
     if scheme == "package":
         package, _, inside = inner_path.partition("/")
-        if package not in packages:
+        stated = packages.get(package)
+        place = _package_beside(package, inside, folder) if stated is None else Path(stated)
+        if place is None:
             raise RobotError.of_rule(
                 "packages",
                 f"must name the folder of package {package!r}",
                 shown(sorted(packages)),
                 hint=f"the mesh {name} lies there",
             )
-        path = Path(packages[package]) / inside
+        path = place / inside
+        if not path.is_file() and (place / package / inside).is_file():
+            hint = f"the package is {place / package}"
+            got = f"the folder above it, {place}"
+            raise RobotError.of_rule(f"packages.{package}", "must be its folder", got, hint=hint)
     else:
         path = folder / inner_path
     if not path.is_file():
         raise RobotError.of_rule("urdf", f"must name meshes that exist: {name}", f"no {path}")
     return path
+
+
+def _package_beside(package: str, inside: str, folder: Path) -> Path | None:
+    """Return the folder of a package that a URDF in a folder is in, or that lies beside it or above; None without one.
+
+    Makers keep a URDF in its package, or beside it: ``package/urdf/arm.urdf``.
+    """
+    for above in (folder.resolve(), *folder.resolve().parents):
+        for place in (above / package, above):
+            if place.name == package and (place / inside).is_file():
+                return place
+    return None

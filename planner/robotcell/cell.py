@@ -13,6 +13,7 @@ from planner.argument_kinds import NOT_NEGATIVE, check_kinds, check_number, show
 from planner.exceptions import RobotError
 from planner.robotcell.arm import Robot
 from planner.robotcell.bodies import Body, Fixturing, Grip, Standing, Surface
+from planner.robotcell.camera_body import unchecked_of
 from planner.robotcell.cell_file import cell_fields
 from planner.robotcell.cell_light import BACKLIGHT, CarriedLight, LightBox
 from planner.robotcell.collisions import (
@@ -23,7 +24,6 @@ from planner.robotcell.collisions import (
     farthest_points,
 )
 from planner.robotcell.hand import (
-    FIXTURING,
     CameraInHand,
     Fittings,
     Hand,
@@ -34,6 +34,7 @@ from planner.robotcell.hand import (
     check_names,
     light_of,
     pairs_by_design,
+    part_words,
     parts_of,
 )
 from planner.robotcell.reachability import (
@@ -760,6 +761,12 @@ class Cell:
         )
 
     @property
+    def unchecked(self) -> tuple[str, ...]:
+        """What a user must know of objects whose collisions are not checked, in sentences."""
+        has_body = bool(self._fittings.camera_body)
+        return unchecked_of(self.robot.unchecked, has_camera_body=has_body)
+
+    @property
     def levers_mm(self) -> np.ndarray:
         """How far from each joint's axis (k,) a point of the arm or the camera can be, at most, mm."""
         return farthest_points(self.robot.chain, self._arm)
@@ -818,7 +825,7 @@ class Cell:
         before = stated.get("parts", {})
         names = {**before, **now["parts"]} if before else {}
         changed = [name for name in names if before.get(name) != now["parts"].get(name)]
-        words = [_named(name, before, now["parts"]) for name in changed]
+        words = [part_words(name, before, now["parts"]) for name in changed]
         if not words:
             return "something that the plan does not name"
         return " and ".join([", ".join(words[:-1]), words[-1]] if words[:-1] else words)
@@ -976,21 +983,12 @@ def _fittings(
     return Fittings(robot, tuple(camera_body), dict(obstacles or {}), clearance, light)
 
 
-def _named(name: str, before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    """Return the name of a part of the cell as its file has it, and whether it is new or gone."""
-    word = name
-    if name.startswith(FIXTURING):
-        word = f"fixturing {name.removeprefix(FIXTURING)!r}"
-    if name not in before:
-        return f"{word} (new)"
-    return word if name in now else f"{word} (gone)"
-
-
 # Which settings of a plan a robot reaches in which fixturing, and what planning asks of a cell.
 
 
 # of a cell without anything that may be touched; a file holds no infinite number
 _FAR_MM = 1e6
+_SAME_MM = 1e-3
 
 
 def reachability_of(cell: Cell, plan: Any, *, all_branches: bool = False) -> Reachability:
@@ -1003,6 +1001,7 @@ def reachability_of(cell: Cell, plan: Any, *, all_branches: bool = False) -> Rea
     ]
 
     unlit = _unlit_of(plan)
+    is_there = unlit is not None and _is_where(cell.light, plan.light.area)
 
     def hidden(fixturing: str, angle: float, row: int) -> str:
         bodies = cell.hidden_by(cam2world[row][None], segments[row], fixturing, angle)[0]
@@ -1014,6 +1013,8 @@ def reachability_of(cell: Cell, plan: Any, *, all_branches: bool = False) -> Rea
         between, met = cell._hand.before_light(
             cam2world[row][None], segments[row], fixturing, angle
         )
+        # where the plan has the backlight, it has decided itself what shows
+        met |= is_there
         for name, body, is_met in zip(names, between[0], met[0], strict=True):
             if name not in unlit[row] and not is_met:
                 return f"the backlight is not behind {name}"
@@ -1034,6 +1035,11 @@ def _unlit_of(plan: Any) -> Sequence[Any] | None:
     if light is None or light.kind != BACKLIGHT or light.area.on_metal:
         return None
     return tuple(light.unlit)
+
+
+def _is_where(light: Any, area: Any) -> bool:
+    """Return whether the light of a cell is where a plan has its backlight below the part."""
+    return isinstance(light, LightBox) and np.allclose(light.rectangle, area.outline, atol=_SAME_MM)
 
 
 def _in_sight(

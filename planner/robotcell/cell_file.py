@@ -20,10 +20,11 @@ from ground.convert import Meta, from_plain
 from planner.exceptions import PlannerError, RobotError
 from planner.robotcell.arm import Robot
 from planner.robotcell.bodies import Body, Box, Fixturing, Grip, mesh_of
+from planner.robotcell.camera_body import CableCapsule, CameraBody
 from planner.robotcell.cell_light import CarriedLight, LightBox
 from planner.robotcell.urdf import carry, check_pose, compose, from_rpy
 
-_INLINE = ("cam2flange", "part2base", "pose", "axis", "packages")
+_INLINE = ("cam2flange", "part2base", "pose", "axis", "packages", "cable")
 
 # The tables of a cell file; a value without a rule here is checked by what is made of it.
 
@@ -108,6 +109,39 @@ class CarriedLightTable:
     def light(self) -> CarriedLight:
         """Return the light."""
         return CarriedLight(self.name, self.distance_mm, **_stated(self, "thickness_mm"))
+
+
+@dataclass(frozen=True)
+class CableTable:
+    """What the camera's cable may take up."""
+
+    to_mm: Any
+    radius_mm: Any
+
+    def __post_init__(self) -> None:
+        self.capsule()
+
+    def capsule(self) -> CableCapsule:
+        """Return it."""
+        return CableCapsule(self.to_mm, self.radius_mm)
+
+
+@dataclass(frozen=True)
+class CameraTable:
+    """The outside of the camera, from the catalogue or by its sizes."""
+
+    housing: Any
+    lens: Any
+    nodal_mm: Any
+    cable: CableTable | None = None
+
+    def __post_init__(self) -> None:
+        self.bodies()
+
+    def bodies(self) -> tuple[Body, ...]:
+        """Return its solids."""
+        cable = None if self.cable is None else self.cable.capsule()
+        return CameraBody(self.housing, self.lens, self.nodal_mm, cable).bodies()
 
 
 @dataclass(frozen=True)
@@ -211,6 +245,7 @@ class CellTable:
     """What a cell has, whatever its hand carries."""
 
     robot: RobotTable
+    camera: CameraTable | None = None
     camera_body: Annotated[
         tuple[BodyTable, ...], Meta(title="must be written [[camera_body]]")
     ] = ()
@@ -291,6 +326,8 @@ def _arguments(table: CameraInHandTable | PartInHandTable, folder: Path) -> dict
     """Return the arguments of a cell, but for its camera's place."""
     home = {"home": np.radians(table.home_deg)} if table.home_deg else {}
     light = {} if table.light is None else {"light": table.light.light()}
+    outside = () if table.camera is None else table.camera.bodies()
+    solids = [body.body(folder, "camera_body") for body in table.camera_body]
     return {
         "robot": table.robot.robot(folder),
         "fixturings": {
@@ -298,7 +335,7 @@ def _arguments(table: CameraInHandTable | PartInHandTable, folder: Path) -> dict
             for name, way in table.fixturings.items()
         },
         "obstacles": _bodies(table.obstacles, folder, "obstacles"),
-        "camera_body": tuple(body.body(folder, "camera_body") for body in table.camera_body),
+        "camera_body": (*outside, *solids),
         **_stated(table, "clearance_mm"),
         **light,
         **home,

@@ -62,6 +62,13 @@ class LightBox(Box):
 
     __repr__ = short_repr
 
+    @property
+    def rectangle(self) -> np.ndarray:
+        """Corners (4, 3) of the bright rectangle, counter-clockwise as the camera sees it, mm."""
+        x, y = self.low[:2]
+        u, v, top = self.high
+        return carry(self.pose, np.array([[x, y, top], [u, y, top], [u, v, top], [x, v, top]]))
+
     def behind(self, eyes: np.ndarray, segments: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return where the lines of sight past segments meet the plane that shines.
 

@@ -536,6 +536,21 @@ def parts_of(hand: Hand, home: list[float] | None) -> dict[str, str]:
     }
 
 
+def part_words(name: str, before: Mapping[str, str], now: Mapping[str, str]) -> str:
+    """Return the name of a part of the cell as its file has it, and whether it is new or gone."""
+    word = name
+    if name.startswith(FIXTURING):
+        word = f"fixturing {name.removeprefix(FIXTURING)!r}"
+    if name not in before:
+        return f"{word} (new)"
+    return word if name in now else f"{word} (gone)"
+
+
+def has_camera_body(parts: Mapping[str, str]) -> bool:
+    """Return whether a cell states the outside of its camera, by what a plan file says of its parts."""
+    return parts.get("camera_body") != short_digest([])
+
+
 def short_digest(value: Any, digits: int = _SHORT) -> str:
     """Return the first hexadecimal digits of the SHA-256 of a plain value."""
     return hashlib.sha256(repr(value).encode()).hexdigest()[:digits]
@@ -819,7 +834,8 @@ def check_part_stands_free(
         depth = sunk_mm(part, other, SKIN_MM)
         if depth > SKIN_MM:
             got = f"{depth:.3g} mm deep in {other.name}, {SKIN_MM:g} mm permitted"
-            raise RobotError.of_rule(parameter, rule, got)
+            hint = "reach --place --table NAME lays the part on a table"
+            raise RobotError.of_rule(parameter, rule, got, hint=hint)
 
 
 def check_turns_free(

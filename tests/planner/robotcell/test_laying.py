@@ -9,6 +9,7 @@ from scipy.spatial import ConvexHull
 
 from aspectgraph import read_solid
 from planner import (
+    Backlight,
     Box,
     Cell,
     Fixturing,
@@ -18,6 +19,7 @@ from planner import (
     look_at,
     propose_layings,
 )
+from planner.light.area_lights import light_of_cell
 from planner.robotcell.cell_file import laid_cell, toml_lines
 from planner.robotcell.laying import Posts, centre_of_mass, flat_sides
 
@@ -301,7 +303,7 @@ def test_a_part_is_laid_on_its_backlight_in_one_way(block):
 
 def lit_plan(*settings, unlit=()):
     plan = plan_of(*settings)
-    area = SimpleNamespace(on_metal=False)
+    area = Backlight.horizontal((0.0, 0.0, -5.0), 200.0, 300.0)
     plan.light = SimpleNamespace(kind="backlight", area=area, unlit=[unlit] * len(settings))
     return plan
 
@@ -316,6 +318,9 @@ def test_a_setting_counts_only_with_the_backlight_behind_its_targets(block):
     assert told.why == "the backlight is not behind edge"
     assert lit_cell().reachability(plan_of(*aside.settings), block).complete
     assert lit_cell().reachability(lit_plan(*aside.settings, unlit=("edge",)), block).complete
+    # a plan for the backlight of this cell has decided what shows
+    aside.light.area = light_of_cell(lit_cell())
+    assert lit_cell().reachability(aside, block).complete
 
 
 def test_nothing_may_stand_between_a_target_and_its_backlight(block):

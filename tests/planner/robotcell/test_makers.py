@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from planner import Box, Cell, Fixturing, Robot, RobotError, program_text, robot_program
 
 CAM2FLANGE = pose((0.0, 0.0, 140.0))
-LANGUAGES = {"abb": "rapid", "kuka_kr6": "krl", "ur5e": "urscript"}
+LANGUAGES = {"abb": "rapid", "kuka_kr6": "krl", "ur5e": "urscript", "fanuc": "fanuc"}
 # Abbes and Poisson (2024) find up to 16 for FANUC's CRX
 MOST = {"fanuc_crx10ia": 16}
 
