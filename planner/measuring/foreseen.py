@@ -21,7 +21,6 @@ from errors.measurands import Circle, Decision, DecisionRule, decide
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX, Localisation, is_short
 from errors.measurands.measurand import COVERAGE
 from planner.measuring.breaks import (
-    BESIDE_PX,
     BreakShift,
     FoundPoints,
     break_shifts,
@@ -33,7 +32,7 @@ from planner.measuring.measurer import Measurer, witness_key
 from planner.measuring.planned_edges import edges_bias_px
 from planner.measuring.reading import entity_scale, slopes_by_fitted, spacing_of
 from planner.measuring.registered import Faces, Lamp
-from planner.measuring.samples import PartEdge, across_of, pixels_of
+from planner.measuring.samples import BESIDE_PX, PartEdge, across_of, pixels_of
 from planner.measuring.seen_breaks import unseen_mm
 from planner.measuring.verdict import Sampled
 from planner.request.edge_state import EdgeState, spread_of

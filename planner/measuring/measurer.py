@@ -631,7 +631,7 @@ class Measurer:
         pose from which others are measured.
         """
         places: dict[int, float] = {}
-        for key, target in self._by_witness.items():
+        for key, target in self.by_witness.items():
             shape = target.measurand.geometry[0]
             if target.kind in POSITIONS and isinstance(shape, Circle) and target.tolerance:
                 axis = self.model.carried_by[self.model.measured[key][0].name][1]
