@@ -9,6 +9,8 @@ of what can be counted, and is tightened where its optimum is.
 2. Count what is new in it. What holds joins the counted columns, and the judged column leaves the pool.
 3. Repeat until all columns of the cover are counted.
 4. Search more columns by prices, which now tell where columns were lost, and begin again.
+5. Where the cover is still larger than one of the columns as judged, better poses are searched for the columns of
+   that one. They join the counted columns, and the cover is chosen once more.
 
 Targets that no counted column contains any more are left to the search for settings of their own, see
 `planner.search.stages.ShortTargets`.
@@ -115,10 +117,36 @@ class CountedColumns:
             remaining = rounds - self._turn * _ROUNDS
             nothing_short = not self._turn and not self._n_short
             if nothing_short or needed <= bound or remaining <= 0 or self._in_vain >= _IN_VAIN:
-                return
+                break
             self._turn += 1
             self._search_columns(min(_ROUNDS, remaining))
             checkpoint.put("counted", self.entry())
+        if not nothing_short and needed > bound:
+            self.repair(needed)
+
+    def repair(self, needed: int) -> None:
+        """Let a cover of the columns as judged join, each column at the best pose that simulation supports.
+
+        Where that cover alone would do with fewer settings, the cover of all counted columns has no more either.
+
+        Parameters
+        ----------
+        needed : int
+            Settings that the counted columns take. A cover of as many columns as judged is of no use.
+        """
+        run = self._run
+        covered = run.pool.inspected & self._inspected
+        membership = run.pool.membership[:, covered]
+        chosen = few_columns(membership, run.nodes(), run.rng("settings"), run.pool.quality)
+        if needed <= len(chosen) + int((self._inspected & ~covered).sum()):
+            return
+        for setting, supported in supported_settings(
+            run, candidate_settings(run, run.pool, chosen)
+        ):
+            column = np.isin(run.names, list(supported))
+            sure = np.array([setting.probability.get(name, 0.0) for name in run.names])
+            self.counted.add(column[None], setting.cam2world[None], sure[None])
+        self.count_cover()
 
     def count_cover(self) -> int:
         """Choose covers until all columns of one are counted; return how many settings that takes.
@@ -215,12 +243,20 @@ def chosen_settings(
     chosen = few_columns(
         counted.membership[:, covered], run.nodes(), run.rng("settings"), counted.quality
     )
-    supported = _supported(run, candidate_settings(run, counted, chosen))
+    supported = supported_settings(run, candidate_settings(run, counted, chosen))
     return without_contradicted(run.problem, supported)
 
 
-def _supported(run: SearchRun, candidates: Sequence[SensorSetting]) -> list[Supported]:
-    """Return for each candidate pose the best pose that simulation supports, the candidate itself if it is enough."""
+def supported_settings(run: SearchRun, candidates: Sequence[SensorSetting]) -> list[Supported]:
+    """Return for each candidate pose the best pose that simulation supports, the candidate itself if it is enough.
+
+    Parameters
+    ----------
+    run : SearchRun
+        Its effort says what is enough.
+    candidates : sequence of SensorSetting
+        As judged.
+    """
     enough = run.effort.good_enough
     good = [
         k for k, candidate in enumerate(candidates) if min(candidate.probability.values()) > enough

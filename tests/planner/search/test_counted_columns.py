@@ -41,7 +41,7 @@ class World:
         self.promises = SimpleNamespace(contradicted_in=self.short)
         monkeypatch.setattr(counted_columns, "candidate_settings", self.settings)
 
-    def nodes(self, share):
+    def nodes(self, share=1.0):
         return 100
 
     def rng(self, purpose):
@@ -141,6 +141,34 @@ def test_columns_are_searched_until_covers_get_no_shorter(monkeypatch):
     again.search(95, 1, Checkpoint())
     assert again.entry()["turn"] == columns.entry()["turn"] == 3
     assert np.array_equal(again.counted.membership, columns.counted.membership)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_cover_is_larger_than_one_of_the_columns_as_judged(seed, monkeypatch):
+    """Better poses support of each judged column what they will; what is in none of them needs a setting of its own."""
+    world = random_world(seed, monkeypatch)
+    supported = world.truth | (np.random.default_rng(seed).random(world.truth.shape) < 0.6)
+    supported &= world.pool.membership
+    repaired = []
+
+    def better(run, settings):
+        for setting in settings:
+            repaired.append(int(setting.cam2world[0, 3]))
+            holds = supported[repaired[-1]]
+            yield setting, frozenset(np.array(run.names)[holds].tolist())
+
+    monkeypatch.setattr(counted_columns, "supported_settings", better)
+    wanted = np.ones(N_TARGETS, dtype=bool)
+    columns = CountedColumns(world, wanted)
+    before = columns.count_cover()
+    columns.search(0, 1, Checkpoint())
+    after = columns.count_cover()
+    assert after <= before
+    judged = fewest(world.pool.membership)
+    assert bool(repaired) == (before > judged and before > 1)
+    if repaired:
+        assert len(repaired) == judged
+        assert after <= judged + (~supported[repaired].any(axis=0)).sum()
 
 
 def test_where_nothing_is_short_nothing_is_searched(monkeypatch):
