@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ground.shared import Shared
 from planner.bound.lower_bound import ProvenBound, exclusion_proof
 from planner.callbacks import LEAST_SEARCH_S, NOBODY, Callbacks, Checkpoint
 from planner.cover import bound_columns, exchange_columns, greedy_cover
-from planner.executors import Shared, in_order
+from planner.executors import in_order
 from planner.identity import Request
 from planner.plan import InspectionPlan
 from planner.request.problem import Problem, witness_reasons
@@ -761,10 +762,9 @@ class Incumbents:
         for directions in _GLANCES if self._callbacks.wants_plans else ():
             begun = time.monotonic()
             # candidate poses make more of the time than a second glance that would take most of it
-            remaining_s = deadline.seconds_left()
-            if remaining_s is None and self.best is not None:
+            if not deadline.limited and self.best is not None:
                 break
-            if remaining_s is not None and each * directions > max(LEAST_SEARCH_S, remaining_s / 2):
+            if each * directions > deadline.glance_s():
                 break
             pool = ColumnPool(len(run.names))
             poses = first_poses(run.judge, directions, run.seed)
@@ -838,11 +838,11 @@ class Incumbents:
             seen = np.isin(run.names, incompatible)
             self.on_bound(run, ProvenBound(n, exclusion_proof(run.problem, n), seen))
 
-    @property
-    def latest(self) -> InspectionPlan:
-        """The best plan, once there is one."""
-        assert self.best is not None
-        return self.best
+    def latest(self, run: SearchRun) -> InspectionPlan:
+        """Return the best plan, or one without settings if there is none yet."""
+        if self.best is not None:
+            return self.best
+        return assembled(run, [], *self.proven(run, []), unfinished=True)
 
     def publish(self, plan: InspectionPlan) -> None:
         """Take in the plan of the whole run, and tell of it."""

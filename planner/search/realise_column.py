@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ground.shared import Shared
 from planner.camera.pose import pose_between
 from planner.exceptions import InfeasibleError
-from planner.executors import Shared
 from planner.request.problem import Problem
 from planner.request.registration import PoseKnowledge
 from planner.search.columns import Judge, perturbed

@@ -216,7 +216,7 @@ class _SplitSearch:
         return np.asarray(inspected & ~np.isin(owner, lost))
 
     def _assembled(self, settings: Sequence[SensorSetting]) -> InspectionPlan | None:
-        """Return the plan of settings of the request with ends."""
+        """Return the plan of settings of the request with ends; None if these lose a target that the plan inspects."""
         lost: dict[str, Reason] = {}
         while True:
             needed = self._without_needless(settings, lost)
@@ -233,10 +233,13 @@ class _SplitSearch:
                     lost[name] = _too_low(value, self._run)
             if len(lost) == n_lost:
                 break
+        measured = {name for setting in renamed for name in setting.entities}
+        if not measured.issuperset(self._plan.inspected):
+            # moved off its limits, a setting may fall short of the required P_all
+            return None
         reasons = {**self._plan.uninspectable, **lost}
-        for setting in renamed:
-            for name in setting.entities:
-                reasons.pop(name, None)
+        for name in measured:
+            reasons.pop(name, None)
         inspected = [name for name in self._run.names if name not in reasons]
         bound, proof = self._bound(inspected, bound)
         return replace(

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph.solid.solid import RayScene
+from ground.shared import Shared
 from planner.bound.lower_bound import (
     ProvenBound,
     exclusion_proof,
@@ -24,7 +25,7 @@ from planner.bound.lower_bound import (
     of_all,
 )
 from planner.cover import few_columns, sets_to_realise
-from planner.executors import Shared, in_order
+from planner.executors import in_order
 from planner.light.area_light import EdgePoints, shown_of_plan
 from planner.light.corner_light import parts_of
 from planner.light.lighting import Lighting, eyes_of

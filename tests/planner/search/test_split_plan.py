@@ -32,6 +32,8 @@ from planner.request.targets import (
     kept_witnesses,
     targets_of,
 )
+from planner.search import split_plan
+from planner.search.plan_setting import without
 from planner.sensor_setting import setting_name
 from planner.verify.simulate_split import cameras_of
 
@@ -89,6 +91,25 @@ def test_a_length_larger_than_the_field_is_measured_by_two_settings(plan):
     value = plan.split["length"]
     assert plan.inspected["length"] == value.p_all
     assert plan.probability <= value.p_all <= value.probability
+
+
+def test_settings_that_lose_a_target_give_no_other_plan(solid, wanted, monkeypatch):
+    """Moved off its limits, the setting of the bore falls short of the required P_all."""
+
+    settle = split_plan.settle
+
+    def settled(run, inspected):
+        known = settle(run, inspected)
+        fewer = [
+            without(run.problem, setting, ["bore"]) if "bore" in setting.entities else setting
+            for setting in known.settings
+        ]
+        return known._replace(settings=[setting for setting in fewer if setting.entities])
+
+    monkeypatch.setattr(split_plan, "settle", settled)
+    other = planned(solid, wanted)
+    assert list(other.inspected) == ["bore"]
+    assert not other.split
 
 
 def test_the_variance_is_that_of_both_cameras(plan):
