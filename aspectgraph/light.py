@@ -606,7 +606,7 @@ def compute_light(
     tasks: dict[str, _Task] = {
         name: (entity, seen.get(name, {})) for name, entity in resolved.items()
     }
-    regions = regions_of(tasks, make, executor, progress)
+    regions = regions_of(tasks, make, executor, progress, deadline=deadline)
     complete = {name: entity for name, entity in resolved.items() if name in regions}
     return LightRegions(solid, box_mm, complete, grid, scene, regions, contrast, seen)
 

@@ -3,7 +3,9 @@
 A table stands between two comments, `<!-- table NAME -->` and `<!-- end of table -->`. Its rows come from the program,
 or from a file in `docs/measured` where computing them takes long. That file states the command, the date, the program
 and the digests of its inputs. `--models FOLDER` reads the models in a folder again, and stores what it finds.
-`--example FOLDER` stores what `measure` wrote there of the images in `examples/measured`.
+`--example FOLDER` stores what `measure` wrote there of the images in `examples/measured`. `--drawing FOLDER` stores the
+rows of `benchmarks/planning/drawing_table.py` in its files `planned.json` and `registered.json`. `--real-images CSV`
+stores what `benchmarks/images/real_images.py` wrote.
 """
 
 from __future__ import annotations
@@ -109,6 +111,93 @@ def store_example(folder: Path) -> None:
     _store("example", record)
 
 
+def store_drawing(folder: Path) -> None:
+    """Store what plans cover of the drawings, without registration and with it."""
+    from ground.faces import project_version
+    from planner.files import timestamp
+
+    command = "python benchmarks/planning/drawing_table.py PARTS --time-limit 120 --json FOLDER/"
+    record: dict[str, Any] = {"date": timestamp(), "program": project_version()}
+    for name, option in (("planned", ""), ("registered", " --register")):
+        path = folder / f"{name}.json"
+        if path.is_file():
+            rows = json.loads(path.read_text(encoding="utf-8"))
+            record[name] = {"command": f"{command}{path.name}{option}", "rows": rows}
+    _store("drawing", record)
+
+
+def _drawing() -> str:
+    """Return what plans cover of the drawings: numbers of characteristics, and of positions among them."""
+    record = stored("drawing")
+    registered = {row["part"]: row for row in record.get("registered", {"rows": []})["rows"]}
+    heads = ["part", "requirements", "edges show", "characteristics", "inspected"]
+    heads += ["settings / bound"]
+    if registered:
+        heads += ["inspected, registered", "settings / bound"]
+    labels = {name.partition(".")[0]: label for label, name in MODELS.items()}
+    rows = []
+    for row in record["planned"]["rows"]:
+        cells = [labels[row["part"]], row["requirements"], row["measurable"]]
+        cells.append(_with_positions(row, "characteristics", "positions"))
+        cells += _planned(row)
+        if registered:
+            cells += _planned(registered.get(row["part"]))
+        rows.append(cells)
+    return table(heads, rows)
+
+
+def _planned(row: dict[str, Any] | None) -> list[str]:
+    if row is None:
+        return ["–", "–"]
+    inspected = _with_positions(row, "inspected", "positions inspected")
+    return [inspected, f"{row['settings']} / {row['bound']}"]
+
+
+def _with_positions(row: dict[str, Any], count: str, positions: str) -> str:
+    return f"{row[count]} ({row[positions]})"
+
+
+_CONDITION = ("edges", "material", "response", "bits", "state")
+_BLIND_SIGMAS = 3
+
+
+def store_real_images(paths: Sequence[Path]) -> None:
+    """Store what `benchmarks/images/real_images.py` measured, a line for each condition; lengths in µm."""
+    from ground.faces import project_version
+    from planner.files import timestamp
+
+    readings: dict[tuple[str, ...], list[dict[str, str]]] = {}
+    for path in paths:
+        with path.open(encoding="utf-8", newline="") as file:
+            for row in csv.DictReader(file):
+                condition = tuple(row[name] for name in _CONDITION)
+                readings.setdefault(condition, []).append(row)
+    lines = []
+    for condition, rows in readings.items():
+        made = [row for row in rows if not row["reason"]]
+        errors = [1000 * (float(row["value"]) - float(row["truth"])) for row in made]
+        us = [1000 * float(row["u"]) for row in made]
+        ratios = [abs(error) / u for error, u in zip(errors, us, strict=True)]
+        far = [row for row, ratio in zip(made, ratios, strict=True) if ratio > _BLIND_SIGMAS]
+        count = max(len(made), 1)
+        lines.append(
+            {
+                **dict(zip(_CONDITION, condition, strict=True)),
+                "planned": len(rows),
+                "made": len(made),
+                "bias": round(sum(errors) / count, 1),
+                "rms": round(math.sqrt(sum(error**2 for error in errors) / count), 1),
+                "u": round(sum(us) / count, 1),
+                "within": sum(ratio <= 2 for ratio in ratios),
+                "beyond": len(far),
+                "silent": sum(not row["notes"] and not row["image_notes"] for row in far),
+            }
+        )
+    command = "python benchmarks/images/real_images.py FOLDER --lights ring --csv FILE"
+    record = {"command": command, "date": timestamp(), "program": project_version()}
+    _store("real_images", {**record, "conditions": lines})
+
+
 def _store(name: str, record: dict[str, Any]) -> None:
     MEASURED.mkdir(exist_ok=True)
     text = json.dumps(record, indent=1, ensure_ascii=False) + "\n"
@@ -138,6 +227,41 @@ def _model_zones() -> str:
         counts = (model["characteristics"], len(model["zones"]))
         rows.append((label, *counts, ", ".join(texts)))
     return table(("part", "characteristics", "with a zone", "zones"), rows)
+
+
+_STATES = {
+    "nothing": "nothing",
+    "unseen": "nothing, u with unseen breaks",
+    "edges+response": "edges and response",
+    "edges+response+white": "edges, response and white",
+}
+
+
+def _real_images() -> str:
+    heads = ("edges", "grey values", "stated", "readings", "bias", "rms error", "mean u")
+    rows = []
+    shown: list[list[Any]] = []
+    for line in stored("real_images")["conditions"]:
+        key = [line[name] for name in (*_CONDITION[:-1], "made", "bias", "rms", "u")]
+        if key in shown:
+            # breaks that images show have one U
+            continue
+        shown.append(key)
+        edges = line["edges"] + (" mm" if " " in line["edges"] else "")
+        if line["material"] != "matt":
+            edges += f", {line['material']}"
+        response = line["response"]
+        grey = f"gamma {response}" if response[0].isdigit() else response
+        if line["bits"] != "8":
+            grey += f", {line['bits']} bits"
+        numbers: tuple[str, ...] = ("",) * 5
+        if line["made"]:
+            amounts = (f"{line[key]:.0f}" for key in ("bias", "rms", "u"))
+            shares = f"{line['within']} of {line['made']}", f"{line['beyond']}, {line['silent']}"
+            numbers = *amounts, *shares
+        made = f"{line['made']} of {line['planned']}"
+        rows.append((edges, grey, _STATES[line["state"]], made, *numbers))
+    return table((*heads, "within 2 u", "beyond 3 u, without a note"), rows)
 
 
 def _qif_statuses() -> str:
@@ -222,11 +346,13 @@ def _counted(rows: Sequence[dict[str, str]], total: int, method: str) -> str:
 
 
 TABLES: dict[str, Callable[[], str]] = {
+    "drawing": _drawing,
     "edge-images": _edge_images,
     "measured-example": _example,
     "model-dimensions": _model_dimensions,
     "model-zones": _model_zones,
     "qif-statuses": _qif_statuses,
+    "real-images": _real_images,
 }
 
 
@@ -263,11 +389,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--models", metavar="FOLDER", type=Path)
     parser.add_argument("--example", metavar="FOLDER", type=Path)
+    parser.add_argument("--drawing", metavar="FOLDER", type=Path)
+    parser.add_argument("--real-images", metavar="CSV", type=Path, nargs="+")
     options = parser.parse_args()
     if options.models is not None:
         measure_models(options.models)
     if options.example is not None:
         store_example(options.example)
+    if options.drawing is not None:
+        store_drawing(options.drawing)
+    if options.real_images:
+        store_real_images(options.real_images)
     for path in pages():
         path.write_text(filled(path.read_text(encoding="utf-8")), encoding="utf-8")
 

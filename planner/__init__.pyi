@@ -80,6 +80,8 @@ from .request.reach import MeshRegion as MeshRegion
 from .request.reach import SphereRegion as SphereRegion
 from .request.targets import PlannedDimension as PlannedDimension
 from .robotcell import Box as Box
+from .robotcell import CableCapsule as CableCapsule
+from .robotcell import CameraBody as CameraBody
 from .robotcell import CarriedLight as CarriedLight
 from .robotcell import Cell as Cell
 from .robotcell import Fixturing as Fixturing
@@ -94,7 +96,7 @@ from .robotprogram.other_poses import ReachedPlan as ReachedPlan
 from .robotprogram.other_poses import with_reached_settings as with_reached_settings
 from .robotprogram.program import RobotProgram as RobotProgram
 from .robotprogram.program import read_program as read_program
-from .robotprogram.program_texts import CameraSignals as CameraSignals
+from .robotprogram.program_steps import CameraSignals as CameraSignals
 from .robotprogram.program_texts import program_text as program_text
 from .robotprogram.program_texts import write_program as write_program
 from .robotprogram.robot_program import ArmUncertainty as ArmUncertainty

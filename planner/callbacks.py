@@ -16,9 +16,6 @@ from planner.progress import Progress, TimeIsUpError, TimeLeft, report
 REGIONS_SHARE = 0.5
 """Share of a time limit that the regions of visibility may take."""
 
-LEAST_REGIONS_S = 10.0
-"""Seconds that the regions of visibility may take, however short a time limit is: without them there is no plan."""
-
 SEARCH_SHARE = 0.8
 """Share of a time limit after which the search ends, so that simulation, report and graph have the rest."""
 
@@ -31,14 +28,26 @@ SIMULATION_SHARE = 0.88
 LEAST_SIMULATION_S = 2.0
 """Seconds that the simulation may take, however short a time limit is: a plan that is not checked is worth less."""
 
-LEAST_SETTLING_S = 1.0
+LEAST_SETTLING_S = 0.7
 """Seconds that this may take, however short a time limit is."""
 
 PICTURES_SHARE = 0.95
 """Share of a time limit after which no more pictures are drawn, so that the page can be put together."""
 
 LEAST_SEARCH_S = 5.0
-"""Seconds that the search goes on after a first glance at the part, however short a time limit is."""
+"""Seconds between a first glance at the part and the next plan on the way. Regions and search have them of a limit
+that is shorter, or that reading the part has taken."""
+
+KEPT_LIMIT_S = 5.0
+"""Limits from this one on are kept up to three seconds. A shorter one gives regions and search their least time."""
+
+# of the time until the search ends, where reading the part has taken much of the limit
+_LATE_REGIONS_SHARE = 2.0 / 3.0
+# seconds beyond the limit: until when regions and search may take their least time, until when
+# there must be a first plan, and until when a simulation may take its least time
+_SEARCH_BEYOND_S = 1.0
+_FIRST_PLAN_BEYOND_S = 1.5
+_SIMULATION_BEYOND_S = 1.5
 
 
 class Deadline:
@@ -70,6 +79,8 @@ class Deadline:
         self._begin = now if begun is None else begun
         # of the clock that other processes share
         self._wall_begin = time.time() - (now - self._begin)
+        # until when a first plan may take its least time, whatever the limit is
+        self._latest = self._limit if self._limit >= KEPT_LIMIT_S else math.inf
         # from when on there is something to end with
         self._armed_at = math.inf
 
@@ -80,7 +91,26 @@ class Deadline:
 
     def of_regions(self) -> float:
         """Return when the regions of visibility end, as `time.time` counts; infinity without a limit."""
-        return max(self.at(REGIONS_SHARE), time.time() + LEAST_REGIONS_S)
+        now = time.time()
+        if self._latest == math.inf:
+            return max(self.at(REGIONS_SHARE), now + LEAST_SEARCH_S)
+        late = now + _LATE_REGIONS_SHARE * (self._of_search(now) - now)
+        return max(self.at(REGIONS_SHARE), late)
+
+    def of_search(self, gap: float = 0.0) -> Deadline:
+        """Return the deadline of the search that begins now: its share of the limit, or its least time."""
+        if not self.limited:
+            return Deadline(None, gap)
+        end = self._of_search(time.time())
+        deadline = Deadline(max(end - self._wall_begin, 1e-3), gap, self._begin)
+        deadline._latest = self._latest
+        return deadline
+
+    def _of_search(self, now: float) -> float:
+        if self._latest == math.inf:
+            return self.at(SEARCH_SHARE)
+        latest = self._wall_begin + self._latest + _SEARCH_BEYOND_S
+        return max(self.at(SEARCH_SHARE), min(now + LEAST_SEARCH_S, latest))
 
     def at(self, share: float = 1.0) -> float:
         """Return when a share of the time limit has passed, as `time.time` counts; infinity without a limit."""
@@ -94,15 +124,19 @@ class Deadline:
 
     def of_settling(self) -> float:
         """Return when settings are no longer moved off their limits after the time is up, as `time.time` counts."""
-        return time.time() + max(SETTLING_SHARE * self._limit, LEAST_SETTLING_S)
+        now = time.time()
+        latest = self._wall_begin + self._latest + _FIRST_PLAN_BEYOND_S
+        return min(now + max(SETTLING_SHARE * self._limit, LEAST_SETTLING_S), max(latest, now))
 
     def time_left(self, share: float = 1.0, least_s: float = 0.0) -> TimeLeft:
         """Return what tells whether another piece of work fits until a share of the limit has passed.
 
-        Work that comes late has half of the time that is left, and so many seconds in any case.
+        Work that comes late has half of the time that is left, and so many seconds if they end soon after the limit.
         """
         now = time.time()
-        return TimeLeft(max(self.at(share), (now + self.at()) / 2.0, now + least_s))
+        latest = self._wall_begin + self._latest + _SIMULATION_BEYOND_S
+        earliest = min(now + least_s, latest)
+        return TimeLeft(max(self.at(share), (now + self.at()) / 2.0, earliest))
 
     @contextmanager
     def stated_whole(self) -> Iterator[None]:
@@ -122,14 +156,22 @@ class Deadline:
         """From now on there is something to end with."""
         self._armed_at = -math.inf
 
+    def glance_s(self) -> float:
+        """Return for how many seconds there may be another glance: half of what is left, or its least time."""
+        passed = time.monotonic() - self._begin
+        shortest = min(LEAST_SEARCH_S, self._latest + _FIRST_PLAN_BEYOND_S - passed)
+        return max((self._limit - passed) / 2.0, shortest)
+
     def arm_soon(self) -> None:
         """There is a first plan; from `LEAST_SEARCH_S` on it is something to end with."""
         self._armed_at = min(self._armed_at, time.monotonic() + LEAST_SEARCH_S)
 
     def check(self) -> None:
-        """Raise `TimeIsUpError` if the time is up and there is something to end with."""
+        """Raise `TimeIsUpError` if the time is up and there is something to end with, or it is up for a first plan."""
         now = time.monotonic()
-        if now >= self._armed_at and now - self._begin > self._limit:
+        passed = now - self._begin
+        is_first_late = passed > self._latest + _FIRST_PLAN_BEYOND_S
+        if passed > self._limit and (now >= self._armed_at or is_first_late):
             raise TimeIsUpError
 
     def wanted_bound(self, n_settings: int) -> int:

@@ -1,22 +1,16 @@
-"""Tasks for executors: results in order, and large arguments that cross a process boundary once.
+"""Tasks for executors: results in order.
 
 Results do not depend on the executor, so a task must depend on its arguments only.
 """
 
 from __future__ import annotations
 
-import hashlib
 import multiprocessing
 import os
-import pickle
 import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, TimeoutError
 from typing import Any
-
-# what other processes have sent, by digest; a process works on few requests at a time
-_received: dict[str, object] = {}
-_MOST_RECEIVED = 4
 
 # between two calls of what is asked whether to go on
 _POLL_S = 0.1
@@ -31,36 +25,6 @@ THREADS = 2
 def usable_cores() -> int:
     """Return the number of cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-class Shared:
-    """A value that many tasks share: packed once, and unpacked once by every process that gets it.
-
-    Parameters
-    ----------
-    value : object
-        Anything; it is pickled only if a task goes to another process.
-    """
-
-    def __init__(self, value: Any):
-        self.value = value
-        self._packed: tuple[str, bytes] | None = None
-
-    def __getstate__(self) -> tuple[str, bytes]:
-        """Return the digest and the packed value."""
-        if self._packed is None:
-            packed = pickle.dumps(self.value)
-            self._packed = hashlib.sha256(packed).hexdigest(), packed
-        return self._packed
-
-    def __setstate__(self, state: tuple[str, bytes]) -> None:
-        digest, packed = state
-        if digest not in _received:
-            while len(_received) >= _MOST_RECEIVED:
-                del _received[next(iter(_received))]
-            _received[digest] = pickle.loads(packed)
-        self.value = _received[digest]
-        self._packed = state
 
 
 def in_order(

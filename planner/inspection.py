@@ -137,7 +137,9 @@ def plan_inspection(
 
 
 @with_one_thread
-def plan_request(solid: Solid, resolved: ResolvedRequest, options: RunOptions) -> InspectionPlan:
+def plan_request(
+    solid: Solid, resolved: ResolvedRequest, options: RunOptions, deadline: Deadline | None = None
+) -> InspectionPlan:
     """Plan what was asked.
 
     Parameters
@@ -148,6 +150,8 @@ def plan_request(solid: Solid, resolved: ResolvedRequest, options: RunOptions) -
         The request, with its entities on this part.
     options : RunOptions
         How the plan is computed.
+    deadline : Deadline, optional
+        When the search ends. Default: by the time limit of the options, from now.
 
     Returns
     -------
@@ -160,7 +164,7 @@ def plan_request(solid: Solid, resolved: ResolvedRequest, options: RunOptions) -
         As `plan_inspection`.
     """
     request = resolved.request
-    deadline = Deadline(options.time_limit_s, request.gap)
+    deadline = deadline or Deadline(options.time_limit_s, request.gap)
     if options.state is not None:
         request.check_lasting()
     problem = _problem(solid, resolved, options, deadline)
@@ -182,7 +186,7 @@ def plan_request(solid: Solid, resolved: ResolvedRequest, options: RunOptions) -
             else:
                 memo.finish(plan_of_given(run, request.lighting))
         except TimeIsUpError:
-            ended = settle_early(run, incumbents.latest, incumbents.proven)
+            ended = settle_early(run, incumbents.latest(run), incumbents.proven)
             incumbents.publish(ended)
             return with_light(ended, solid, request.lighting)
         finally:

@@ -73,6 +73,8 @@ class PoseFile:
         What the file holds, and how it was understood, in words.
     frame : str
         Name of the frame that the file gives the poses in; empty if it names none.
+    light : str
+        What kind of light a plan has, see `LightPlan.kind`; empty if it has none.
 
     Examples
     --------
@@ -84,6 +86,7 @@ class PoseFile:
     poses: tuple[GivenPose, ...]
     source: str
     frame: str = ""
+    light: str = ""
 
     __repr__ = short_repr
 
@@ -154,7 +157,8 @@ def _of_plan(path: Path) -> PoseFile:
     poses = [GivenPose(setting_name(k), item.cam2world) for k, item in enumerate(plan.settings)]
     if not poses:
         raise PoseFileError(f"{path}: the plan must have a setting. Got none.")
-    return PoseFile(tuple(poses), "settings of a plan", "part")
+    light = "" if plan.light is None else plan.light.kind
+    return PoseFile(tuple(poses), "settings of a plan", "part", light)
 
 
 def _text(path: Path) -> str:

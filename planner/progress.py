@@ -189,6 +189,7 @@ def terminal_progress(
     quiet: bool = False,
     lines: bool = False,
     waiting: bool = False,
+    most_silent_s: float | None = None,
 ) -> Iterator[Progress | None]:
     """Show progress: a live bar per label on a terminal, otherwise one line per finished label.
 
@@ -202,6 +203,8 @@ def terminal_progress(
         Lines on a terminal, too: they stay when the work is done.
     waiting : bool
         Of few labels that take long: where there are lines, also say soon how far each is, and now and then.
+    most_silent_s : float, optional
+        With `waiting`, the longest time between two such lines, also between two labels. Default: ever longer times.
     """
     if quiet:
         with _compiling(None):
@@ -217,7 +220,7 @@ def terminal_progress(
             if not waiting:
                 yield line_stream
                 return
-            with _Waiting(line_stream, all_told=True) as progress:
+            with _Waiting(line_stream, all_told=True, most_silent_s=most_silent_s) as progress:
                 yield progress
 
 
@@ -276,10 +279,20 @@ class _Waiting:
         Also pass everything on to it.
     begun : float, optional
         Since when whoever waits has seen nothing, of `time.monotonic`. Default: now.
+    most_silent_s : float, optional
+        As `terminal_progress` takes it.
     """
 
-    def __init__(self, stream: _LineStream, *, all_told: bool, begun: float | None = None) -> None:
+    def __init__(
+        self,
+        stream: _LineStream,
+        *,
+        all_told: bool,
+        begun: float | None = None,
+        most_silent_s: float | None = None,
+    ) -> None:
         self._stream = stream
+        self._most_silent_s = most_silent_s
         self._all_told = all_told
         self._state: tuple[int, int, str] | None = None
         self._since = time.monotonic() if begun is None else begun
@@ -306,15 +319,22 @@ class _Waiting:
         if self._all_told:
             self._stream(done, total, label)
 
+    def note(self, text: str) -> None:
+        self._next = max(self._next, time.monotonic() + self._pause)
+        self._stream.note(text)
+
     def _tell(self) -> None:
         while not self._ended.wait(_FIRST_WORD_S / 10.0):
             state = self._state
             now = time.monotonic()
-            if now < self._next or state is None or state[0] >= state[1]:
+            is_steady = self._most_silent_s is not None
+            if now < self._next or state is None or (state[0] >= state[1] and not is_steady):
                 continue
-            self._pause = min(2.0 * self._pause, _MOST_SILENT_S)
+            self._pause = self._most_silent_s or min(2.0 * self._pause, _MOST_SILENT_S)
             self._next = now + self._pause
             done, total, label = state
+            if done >= total:
+                label = f"after {label}"
             share = f": {done}/{total}" if total > 1 else ""
             try:
                 self._stream.note(f"{label}{share} ({time.monotonic() - self._since:.0f} s so far)")

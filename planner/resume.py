@@ -74,6 +74,7 @@ class CheckpointRecord:
             "weighing",
             "lower bound",
             "refutation",
+            "counted columns",
             "settings",
             "lamps",
         ],
@@ -84,6 +85,7 @@ class CheckpointRecord:
     uninspectable: Reasons
     uninspectable_kinds: Kinds = field(default_factory=dict)
     incompatible: tuple[str, ...] = ()
+    incompatible_ends: tuple[str, ...] = ()
     weighing: Any = None
     inspected: Any = None
     n_known: Any = None
@@ -92,6 +94,7 @@ class CheckpointRecord:
     proof: Any = None
     bound_of: Any = None
     bound_weights: Any = None
+    counted: Any = None
     plan: Any = None
 
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _GAP = "  "
 _INDENT = "  "
+_MOST_DECIMALS = 6
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,36 @@ Cell = str | WholePieces
 def count(n: int, singular: str, plural: str | None = None) -> str:
     """Return a number with its noun."""
     return f"{n} {singular if n == 1 else plural or singular + 's'}"
+
+
+def digits_text(value: float, digits: int) -> str:
+    """Return a number with so many significant digits as a person writes it, without an exponent.
+
+    Parameters
+    ----------
+    value : float
+        The number.
+    digits : int
+        Significant digits; no more than six decimals are written.
+
+    Examples
+    --------
+    >>> digits_text(0.0000321, 3), digits_text(1234.5, 3), digits_text(3e-9, 2)
+    ('0.000032', '1234', '< 0.000001')
+    """
+    if 0 < abs(value) < 0.5 * 10.0**-_MOST_DECIMALS:
+        return f"< {10.0**-_MOST_DECIMALS:.{_MOST_DECIMALS}f}"
+    text = f"{value:.{digits}g}"
+    if "e" not in text:
+        return text
+    if abs(value) >= 1:
+        return f"{value:.0f}"
+    return f"{float(text):.{_MOST_DECIMALS}f}".rstrip("0")
+
+
+def enumerated(names: Sequence[str]) -> str:
+    """Return names as a list in a sentence, with "and" before the last one."""
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 def listed(names: Iterable[str]) -> WholePieces:

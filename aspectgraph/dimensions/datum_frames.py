@@ -2,7 +2,8 @@
 
 Datums are taken in their order. Each fixes what is still free of a rotation and two translations. A plane across, seen
 as an edge, fixes the rotation and the translation across it, and so does a slot by its two edges. A hole or pin, seen
-as its rim, fixes both translations, or then the rotation. A plane that is parallel to that of the rim fixes nothing.
+as its rim, fixes both translations, or then the rotation. A pattern of holes fixes all that is free, by least squares.
+A plane that is parallel to that of the rim fixes nothing.
 
 Reference: ISO 5459 and ASME Y14.5, datum reference frames.
 """
@@ -31,6 +32,9 @@ from aspectgraph.solid.rims import Arc
 
 DatumFeatures: TypeAlias = Mapping[str, Sequence[Feature] | None]
 """The features of each datum, by its letter; None of one that is stated by datum targets."""
+
+_DatumFeature: TypeAlias = Axis | list[Plane] | tuple[Axis, ...]
+"""A hole or pin; a plane, or the two of a slot; or the holes of a pattern."""
 
 NO_DATUM = (0,)
 """Numbers of entities of the datums of a pattern without any: only the distances of its rims count."""
@@ -219,6 +223,9 @@ class DatumFrame:
             if isinstance(datum, Axis):
                 fixed_turn = fixed_turn or len(across) == 2
                 across = list(np.eye(2, 3))
+            elif isinstance(datum, tuple):
+                fixed_turn = True
+                across = list(np.eye(2, 3))
             else:
                 fixed_turn = True
                 across = [*across, datum[0].normal][:2]
@@ -247,7 +254,7 @@ class DatumFrame:
         if len(across) < 2:
             raise NotShownError("its datums leave a translation free")
 
-    def _in_plane(self, seat: Seat) -> Iterator[tuple[str, Axis | list[Plane]]]:
+    def _in_plane(self, seat: Seat) -> Iterator[tuple[str, _DatumFeature]]:
         """Go through the datums that may fix something in the plane of a seat."""
         for letter in self.letters:
             features = self.features.get(letter.partition("(")[0], ())
@@ -260,6 +267,13 @@ class DatumFrame:
                 and abs(float((planes[1].point - planes[0].point) @ planes[0].normal))
                 > _SAME_DEPTH_MM
             )
+            holes = tuple(feature for feature in features if isinstance(feature, Axis))
+            if len(features) == len(holes) > 1:
+                if not all(parallel(hole.along, seat.axis) for hole in holes):
+                    raise NotShownError(f"the rim is inclined to datum {letter}")
+                if _are_apart(holes):
+                    yield letter, holes
+                    continue
             if len(features) != 1 and not is_slot:
                 count = f"{len(features) or 'no'} feature{'s' * (len(features) != 1)}"
                 raise NotShownError(f"the file attaches datum {letter} to {count}, not to one")
@@ -274,8 +288,10 @@ class DatumFrame:
             else:
                 raise NotShownError(f"the rim is inclined to datum {letter}")
 
-    def _shown_by(self, seat: Seat, letter: str, datum: Axis | list[Plane]) -> list[int | Arc]:
-        """Return the rim, edge or edges that show a datum nearest to the plane of a seat."""
+    def _shown_by(self, seat: Seat, letter: str, datum: _DatumFeature) -> list[int | Arc]:
+        """Return the rims, edge or edges that show a datum nearest to the plane of a seat."""
+        if isinstance(datum, tuple):
+            return [self._shown_by(seat, letter, hole)[0] for hole in datum]
         if isinstance(datum, Axis):
             circles = []
             for arc in datum.circles:
@@ -308,6 +324,15 @@ class DatumFrame:
         if not edges:
             raise NotShownError(f"no edge that is seen with the rim shows datum {letter}")
         return min(edges)[2]
+
+
+def _are_apart(holes: Sequence[Axis]) -> bool:
+    """Return whether no two holes with parallel axes are about one axis."""
+    for k, hole in enumerate(holes):
+        for other in holes[:k]:
+            if np.linalg.norm(np.cross(other.point - hole.point, hole.along)) <= _SAME_DEPTH_MM:
+                return False
+    return True
 
 
 def _rim_beside(seat: Seat, hole: Axis) -> Arc:

@@ -648,7 +648,8 @@ def face_planes(
     SolidError
         If a face vanishes on the grid.
     """
-    planes: list[np.ndarray] = []
+    planes = np.empty((len(loops), 4), np.int64)
+    n_planes = 0
     plane_of_face = np.empty(len(loops), np.int64)
     side_of_face = np.empty(len(loops), np.int8)
     sizes = np.array([np.ptp(grid.points[loop], axis=0).sum() for loop in loops])
@@ -661,14 +662,15 @@ def face_planes(
             raise SolidError(
                 f"face {face} must be wider than the grid step of {grid.step_mm:g} mm. It vanishes on it."
             )
-        table = np.array(planes, np.int64).reshape(-1, 4)
+        table = planes[:n_planes]
         number = _same_plane(table, grid.points[loop], grid.resolution)
         if number < 0:
-            number = len(planes)
-            planes.append(_made_parallel(plane, table, grid.points[loop], grid.resolution))
+            number = n_planes
+            planes[number] = _made_parallel(plane, table, grid.points[loop], grid.resolution)
+            n_planes += 1
         plane_of_face[face] = number
         side_of_face[face] = 1 if normals[face] @ planes[number][:3] > 0 else -1
-    return np.array(planes), plane_of_face, side_of_face
+    return planes[:n_planes].copy(), plane_of_face, side_of_face
 
 
 def _made_parallel(

@@ -471,7 +471,15 @@ def _checked_ids(solid: Solid, edge_ids: Iterable[int] | None) -> list[int]:
     return ids
 
 
-_SCRIPTS = ("scene.js", "labels.js", "pairs.js", "choice.js", "pointer.js", "picker.js")
+_SCRIPTS = (
+    "scene.js",
+    "labels.js",
+    "pairs.js",
+    "positions.js",
+    "choice.js",
+    "pointer.js",
+    "picker.js",
+)
 # room around the part in depth, so that nothing of it is cut off
 _AIR = 1.05
 

@@ -8,13 +8,14 @@ import math
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import Executor, TimeoutError, as_completed
 from contextlib import contextmanager, suppress
 from copy import copy
 from functools import partial
 from pathlib import Path
-from typing import IO, Any, ClassVar, Protocol, TypeVar
+from typing import IO, Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,6 +44,7 @@ from aspectgraph.visibility.scene import (
     make_scene,
     own_order,
 )
+from ground.shared import Shared
 
 # Visible regions kept in files as they are computed, so that an interrupted computation goes on
 # where it was.
@@ -583,23 +585,30 @@ def compute_regions(
     if kept is not None:
         kept.begin(solid, box_mm, resolved)
     shared = partial(intersection, scene, grid.cube_planes(box_mm), deadline=deadline)
-    regions = _with_pieces(solid, resolved, (make, shared), (executor, progress, kept))
+    means = _Means(executor, progress, kept, deadline)
+    regions = _with_pieces(solid, resolved, (make, shared), means)
     complete = {name: entity for name, entity in resolved.items() if name in regions}
     return VisibilityRegions(solid, box_mm, complete, grid, scene, regions)
 
 
-_How = tuple[Executor | None, Progress | None, RegionStore | None]
+class _Means(NamedTuple):
+    """What regions are made by, reported to and stored in, and until when."""
+
+    executor: Executor | None
+    progress: Progress | None
+    store: RegionStore | None
+    deadline: float
 
 
 def _with_pieces(
     solid: Solid,
     entities: Mapping[str, Entity],
     makers: tuple[Callable[[Entity], Region], Callable[[Sequence[Region]], Region]],
-    means: _How,
+    means: _Means,
 ) -> dict[str, Region]:
     """Make the regions of entities: of what consists of pieces by the second maker, from theirs."""
     make, join = makers
-    executor, progress, store = means
+    executor, progress, store, deadline = means
     composed, hidden = find_pieces(solid, entities)
     if store is not None:
         composed = {name: parts for name, parts in composed.items() if store.get(name) is None}
@@ -611,15 +620,15 @@ def _with_pieces(
     def report_after(n: int) -> Progress | None:
         return progress and (lambda done, _, label: progress(n + done, total, label))
 
-    regions = regions_of(direct, make, executor, report_after(0), store)
-    pieces = regions_of(hidden, make, executor, report_after(len(regions)))
+    regions = regions_of(direct, make, executor, report_after(0), store, deadline)
+    pieces = regions_of(hidden, make, executor, report_after(len(regions)), deadline=deadline)
     by_name = {**regions, **pieces}
     todo = {
         name: [by_name[piece] for piece in parts]
         for name, parts in composed.items()
         if all(piece in by_name for piece in parts)
     }
-    regions |= regions_of(todo, join, executor, report_after(len(by_name)), store)
+    regions |= regions_of(todo, join, executor, report_after(len(by_name)), store, deadline)
     return {name: regions[name] for name in entities if name in regions}
 
 
@@ -646,13 +655,14 @@ def regions_of(
     executor: Executor | None = None,
     progress: Progress | None = None,
     kept: RegionStore | None = None,
+    deadline: float = math.inf,
 ) -> dict[str, Region]:
     """Make the region of each entity, or of what names one, in parallel if there is an executor.
 
     Returns
     -------
     dict of str to Region
-        In the order of the entities; without those that `make` ended at its deadline.
+        In the order of the entities; without those that are not made by the deadline, which `make` knows, too.
     """
     report = progress or (lambda done, total, label: None)
     earlier = {} if kept is None else {name: kept.get(name) for name in entities}
@@ -674,8 +684,22 @@ def regions_of(
     if executor is None:
         for name, entity in todo.items():
             take(name, partial(make, entity))
-    else:
-        futures = {executor.submit(make, entity): name for name, entity in todo.items()}
-        for future in as_completed(futures):
+        return {name: regions[name] for name in entities if name in regions}
+    shared = Shared(make)
+    futures = {executor.submit(_made, shared, entity): name for name, entity in todo.items()}
+    remaining_s = None if deadline == math.inf else max(deadline - time.time(), 0.0)
+    try:
+        for future in as_completed(futures, remaining_s):
             take(futures[future], future.result)
+    except TimeoutError:
+        # what a worker still makes ends by itself, and is not waited for
+        pass
+    finally:
+        for future in futures:
+            future.cancel()
     return {name: regions[name] for name in entities if name in regions}
+
+
+def _made(shared: Shared, task: Any) -> Region:
+    region: Region = shared.value(task)
+    return region

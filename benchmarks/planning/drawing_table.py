@@ -1,17 +1,27 @@
 """What of a drawing is covered: requirements, those that edges show, characteristics inspected, settings, bound.
 
-    python benchmarks/planning/drawing_table.py part.stp [more parts] [--camera NAME] [--time-limit 120] [--count]
+    python benchmarks/planning/drawing_table.py part.stp [more parts] [--camera NAME] [--register]
+        [--time-limit 120] [--count] [--json rows.json]
 
-With ``--count`` nothing is planned. A plan that its time limit ended is marked with a plus.
+With ``--count`` nothing is planned, with ``--register`` images are registered to the part's edges. A plan that its time
+limit ended is marked with a plus. ``--json`` adds the rows to a file, as docs/tables.py reads them.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 
 from aspectgraph import read_requirements, read_solid
-from planner import Camera, Effort, PoseUncertainty, dimensions_to_plan, plan_inspection
+from planner import (
+    Camera,
+    Effort,
+    PoseUncertainty,
+    Registration,
+    dimensions_to_plan,
+    plan_inspection,
+)
 from planner.request.dimension import POSITIONS
 
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.1, rotation_rad=0.0005)
@@ -32,7 +42,7 @@ def counts(stated, wanted):
     ]
 
 
-def planned(solid, wanted, camera, limit):
+def planned(solid, wanted, camera, limit, registration):
     """Return the cells of a plan: characteristics and positions inspected, settings, bound."""
     plan = plan_inspection(
         solid,
@@ -42,6 +52,7 @@ def planned(solid, wanted, camera, limit):
         probability=0.95,
         effort=Effort.named("quick"),
         time_limit_s=limit,
+        registration=registration,
     )
     n_positions = sum(plan.targets[name].kind in POSITIONS for name in plan.inspected)
     mark = "+" if plan.unfinished else ""
@@ -55,6 +66,8 @@ def main(argv=None):
     parser.add_argument("--camera", default="basler-acA2440-20gm-8mm")
     parser.add_argument("--time-limit", type=float)
     parser.add_argument("--count", action="store_true")
+    parser.add_argument("--register", action="store_true")
+    parser.add_argument("--json", type=Path)
     args = parser.parse_args(argv)
     heads = ["part", "requirements", "dimensions", "geometric", "measurable", "of them geometric"]
     heads += ["characteristics", "positions"]
@@ -68,8 +81,15 @@ def main(argv=None):
         wanted, _ = dimensions_to_plan(stated)
         cells = [Path(part).name.partition(".")[0], *counts(stated, wanted)]
         if not args.count:
-            cells += planned(solid, wanted, Camera.named(args.camera), args.time_limit)
+            registration = Registration.own_edges() if args.register else None
+            camera = Camera.named(args.camera)
+            cells += planned(solid, wanted, camera, args.time_limit, registration)
         print("|", " | ".join(map(str, cells)), "|", flush=True)
+        if args.json is not None:
+            rows = json.loads(args.json.read_text()) if args.json.exists() else []
+            args.json.write_text(
+                json.dumps([*rows, dict(zip(heads, cells, strict=True))], indent=1)
+            )
 
 
 if __name__ == "__main__":

@@ -16,11 +16,11 @@ import time
 
 import numpy as np
 
+from ground.shared import Shared
 from planner import read_plan
 from planner.app.job import read_job
 from planner.app.parsing import parse
 from planner.callbacks import Deadline
-from planner.executors import Shared
 from planner.inspection import _problem
 from planner.resolve_request import ResolvedRequest
 from planner.search.columns import Judge

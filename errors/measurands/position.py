@@ -42,11 +42,15 @@ Floats = NDArray[np.float64]
 PARALLEL_RAD = 1e-3
 """Angle up to which datums are taken as parallel to the plane of the rim, or lines as across each other."""
 
+_SAME = 1e-9
+"""Circles that are apart by a smaller share of the largest radius have one axis."""
+
 _RADIUS = 2
 """Place of the radius in what is fitted of a circle."""
 
 Slot: TypeAlias = tuple[Line, Line]
-Datum: TypeAlias = Line | Circle | Slot
+HolePattern: TypeAlias = tuple[Circle, ...]
+Datum: TypeAlias = Line | Circle | Slot | HolePattern
 
 
 class Jet:
@@ -163,9 +167,9 @@ class PositionFrame:
     ----------
     rim : Circle or (Line, Line)
         What has the position: a rim, or the two edges of a slot or tab.
-    datums : sequence of Line, Circle or (Line, Line)
+    datums : sequence of Line, Circle, (Line, Line) or tuple of Circle
         In their order, without those that are parallel to the plane of the rim: an edge shows a plane across, a rim a
-        hole or pin, two edges a slot.
+        hole or pin, two edges a slot, several rims a pattern of holes, which is fitted by least squares.
     pattern : sequence of Circle
         The other rims of a pattern whose positions are asked for together. What the datums leave free is fitted to all
         of its rims by least squares.
@@ -298,7 +302,11 @@ class PositionFrame:
         for datum in self.datums:
             n = len(datum) if isinstance(datum, tuple) else 1
             before = (fixed.direction is None, len(fixed.anchors))
-            self._fix(fixed, datum, fitted[start : start + n])
+            if isinstance(datum, tuple) and isinstance(datum[0], Circle):
+                places = [point for point, _ in fitted[start : start + n]]
+                self._fix_by_pattern(fixed, places)
+            else:
+                self._fix(fixed, datum, fitted[start : start + n])
             if before == (fixed.direction is None, len(fixed.anchors)):
                 raise MeasurandError(
                     "each datum must fix what is still free of rotation and translations. "
@@ -367,7 +375,7 @@ class PositionFrame:
             elif fixed.direction is None:
                 origin, nominal, _ = fixed.anchors[0]
                 apart = at - nominal
-                if float(np.linalg.norm(apart)) > 0.0:
+                if float(np.linalg.norm(apart)) > _SAME * self._size():
                     fixed.direction = _unit(_minus(point, origin)), apart / np.linalg.norm(apart)
             return
         nominal_along = _plain(along)
@@ -434,7 +442,7 @@ class PositionFrame:
         self.free = ("rotation",)
         if isinstance(self.rim, tuple):
             raise MeasurandError("a datum must fix the rotation for a slot. Got one that is free.")
-        if distance <= 1e-9 * self._size():
+        if distance <= _SAME * self._size():
             # coaxial circles: every direction counts
             return apart
         self.components = 1
@@ -474,8 +482,9 @@ class Position(Measurand):
     direction : None
         It has none.
     groups : tuple of int
-        Number of entities of each datum: 2 of a slot or tab, otherwise 1. Entities beyond them are those of the
-        pattern. Empty if each datum has one, and there is no pattern.
+        Number of entities of each datum: 2 of a slot or tab, those of a pattern of holes, otherwise 1. Entities beyond
+        them are the other rims of the pattern that has the position. Empty if each datum has one, and there is no
+        pattern.
     """
 
     takes: ClassVar[tuple[type, ...]] = (Circle,)
@@ -502,7 +511,7 @@ class Position(Measurand):
         self, geometry: tuple[Geometry, ...]
     ) -> tuple[Circle | Slot, list[Datum], list[Circle]]:
         """Return what has the position, its datums, and the other rims of its pattern."""
-        first = _item(geometry[: self.n_first])
+        first: Any = _item(geometry[: self.n_first])
         if isinstance(first, Line):
             raise MeasurandError("a position must have a rim first. Got a straight edge.")
         others = geometry[self.n_first :]
@@ -514,11 +523,12 @@ class Position(Measurand):
                 f"groups must count the entities of the datums, and a pattern must be one of rims. Got {groups} "
                 f"for {len(others)} entities after the first."
             )
-        datums = []
+        datums: list[Datum] = []
         start = 0
         for n in groups:
             # a pattern without datums states one of no entities
-            datums += [_item(others[start : start + n])] * bool(n)
+            if n:
+                datums.append(_item(others[start : start + n]))
             start += n
         return first, datums, pattern
 
@@ -596,12 +606,17 @@ class Position(Measurand):
 
 
 def _item(shapes: Sequence[Geometry]) -> Datum:
-    """Return one rim or edge, or the two edges of a slot or tab."""
+    """Return one rim or edge, the two edges of a slot or tab, or the rims of a pattern."""
     if len(shapes) == 1:
         return shapes[0]
     if len(shapes) == 2 and isinstance(shapes[0], Line) and isinstance(shapes[1], Line):
         return shapes[0], shapes[1]
-    raise MeasurandError("a datum must be a rim, an edge, or the two edges of a slot. Got others.")
+    rims = tuple(shape for shape in shapes if isinstance(shape, Circle))
+    if len(rims) == len(shapes) > 1:
+        return rims
+    raise MeasurandError(
+        "a datum must be a rim, an edge, the two edges of a slot, or the rims of a pattern. Got others."
+    )
 
 
 @kind("width_position")

@@ -471,7 +471,8 @@ class FolderWork:
 
     def search(self, options: InspectionOptions) -> InspectionPlan:
         """Return the plan of the search."""
-        return plan_request(self.solid, self.resolved, options)
+        deadline = self.deadline.of_search(self.resolved.request.gap)
+        return plan_request(self.solid, self.resolved, options, deadline)
 
     def unwritten(self, plan: InspectionPlan, error: OutputError) -> OutputError:
         """Return what to raise when a plan cannot be written."""
@@ -608,7 +609,7 @@ def _short_reasons(reasons: Mapping[str, str]) -> list[str]:
     texts = []
     for kind, of_kind in names.items():
         if len(of_kind) == 1 or kind is ReasonKind.NOT_STATED:
-            texts += [f"{name}: {reasons[name]}" for name in of_kind]
+            texts += [f"{name}: {reasons[name].rstrip('.')}" for name in of_kind]
         else:
             texts.append(f"{kind.words}: {', '.join(of_kind)}")
     return texts

@@ -751,7 +751,8 @@ class Reach(InCell):
         before the robot, at the height of the cell file)
     table
         with --place: lay the part on each of its flat sides, on this obstacle or on posts that stand on it;
-        it is a box of the cell or of its first fixturing (default: keep how it lies)
+        it is a box of the cell or of its first fixturing, such as the plate of a turntable or the backlight, "light"
+        (default: keep how it lies)
     post_heights
         with --table: heights of the posts, mm; 0 is the table itself (default: 0 to 300 in nine steps)
     post_width
@@ -759,7 +760,8 @@ class Reach(InCell):
     ways
         with --table: in how many ways the part may lie, one after the other: 1 or 2
     draws
-        with --place: positions to try (default: 300, or 1500 with --table)
+        with --place: positions to try (default: 300, or 1500 with --table, there 300 on a
+        turntable)
     cell_out
         with --place: write the cell with the best position, as it was evaluated; one that exists is replaced (default:
         print its fixturings only)
@@ -814,8 +816,8 @@ class Program(ArmErrors, InCell):
         language of the controller; ros: trajectories as JSON, json: all data (default: by the suffix of --out, urscript
         without it)
     out
-        file to write; one that exists is replaced (default: inspection.script, .mod, .src, .csv, inspection_ros.json or
-        program.json)
+        file to write; one that exists is replaced (default: inspection.script, .mod, .src, .ls, .csv,
+        inspection_ros.json or program.json)
     speed
         share of the joints' largest speeds, like 0.5 or 50%
     settle
@@ -831,7 +833,7 @@ class Program(ArmErrors, InCell):
         same seed, same ways around obstacles
     """
 
-    format: Literal["urscript", "rapid", "krl", "ros", "csv", "json"] | None = None
+    format: Literal["urscript", "rapid", "krl", "fanuc", "ros", "csv", "json"] | None = None
     out: Annotated[str | None, _named("FILE", "--out", "-o")] = None
     speed: Annotated[float, value(SHARE, "S"), ABOVE_0_TO_1] = 0.5
     settle: Annotated[float, value(SECONDS, "S"), NOT_NEGATIVE] = 0.5

@@ -26,6 +26,7 @@ from aspectgraph import (
     light_graph_of,
     read_requirements,
 )
+from aspectgraph.read.step.text import UNIT_NOTE
 from aspectgraph.visibility.visibility_regions import KeptRegions
 from planner.app.batch import (
     PLAN_FILE,
@@ -76,6 +77,7 @@ from planner.files import (
     print_json,
 )
 from planner.identity import Request, first_difference
+from planner.measuring.foreseen import foreseen_uncertainties
 from planner.optics import (
     DISTANCES_MM,
     OPTICS_COLUMNS,
@@ -86,7 +88,15 @@ from planner.optics import (
 )
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
-from planner.progress import Progress, labelled, note, reading_shown, terminal_progress, visible
+from planner.progress import (
+    Progress,
+    labelled,
+    note,
+    reading_shown,
+    report,
+    terminal_progress,
+    visible,
+)
 from planner.report import terminal_tables
 from planner.report.plan_folder import (
     PLAN_FILES,
@@ -105,7 +115,9 @@ from planner.request.dimension import Dimension
 from planner.request.words import features_text, n_not_planned
 from planner.resume import read_state, state_difference
 from planner.robotcell.arm import unchecked_text
-from planner.text_table import Column, print_table, print_text, words
+from planner.robotcell.camera_body import unchecked_of
+from planner.robotcell.hand import has_camera_body
+from planner.text_table import Column, enumerated, print_table, print_text, words
 from planner.verify.simulate_plan import simulate_plan
 
 if TYPE_CHECKING:
@@ -436,9 +448,10 @@ def print_arm(plan: InspectionPlan) -> None:
     print_table(columns, rows)
     names = list(dict.fromkeys(setting.fixturing for setting in plan.settings if setting.fixturing))
     print_text(f"{plan.cell['robot']} reaches all settings, with the part lying {listed(names)}.")
-    unchecked = unchecked_text(plan.cell.get("bodiless_links", ()))
-    if unchecked:
-        print_text(f"warning: {unchecked}")
+    links = unchecked_text(plan.cell.get("bodiless_links", ()))
+    has_body = has_camera_body(plan.cell.get("parts", {}))
+    for text in unchecked_of(links, has_camera_body=has_body):
+        print_text(f"warning: {text}")
 
 
 def _turned(angle_deg: float | None) -> str:
@@ -447,8 +460,7 @@ def _turned(angle_deg: float | None) -> str:
 
 def listed(names: list[str]) -> str:
     """Return names in quotes, the last behind an and."""
-    quoted = [repr(name) for name in names]
-    return " and ".join(filter(None, [", ".join(quoted[:-1]), *quoted[-1:]]))
+    return enumerated([repr(name) for name in names])
 
 
 def graph(options: Graph) -> int:
@@ -499,6 +511,9 @@ def dimensions(options: Dimensions) -> int:
     if options.json:
         print_json([requirement.to_dict() for requirement in stated])
     else:
+        for text in solid.notes:
+            if text.startswith(UNIT_NOTE):
+                print_text(f"note: {text}")
         terminal_tables.print_requirements(stated)
     return DONE
 
@@ -541,7 +556,7 @@ def _print_planned(
     if options.json:
         print_json(plan_record(result, files, job.targets.left_out))
         return
-    terminal_tables.print_plan(result)
+    terminal_tables.print_plan(result, foreseen_uncertainties(result, job.solid))
     if result.cell:
         print_arm(result)
     print_unit(job.part, job.reading.get("units"))
@@ -583,12 +598,23 @@ class _CommandWork(FolderWork):
         return OutputError(f"{error} {rescue(plan, self.state)}")
 
 
+# who has limited the time watches it: seconds between two lines
+_MOST_SILENT_S = 2.0
+
+
 def _planned(options: Plan, job: Job, leftovers: Leftovers) -> tuple[InspectionPlan, Written, bool]:
     """Plan and write; return plan, files, and whether it was interrupted."""
+    limited = options.time_limit is not None
     with (
-        terminal_progress(quiet=options.quiet, lines=options.verbose) as progress,
+        terminal_progress(
+            quiet=options.quiet,
+            lines=options.verbose,
+            waiting=limited,
+            most_silent_s=_MOST_SILENT_S if limited else None,
+        ) as progress,
         _executor(options.jobs) as executor,
     ):
+        report(progress, 0, len(job.resolved.entities), "visible regions")
         best = BestSoFar(progress)
         run = replace(job.options, on_incumbent=best, executor=executor, progress=progress)
         work = _CommandWork(
@@ -751,6 +777,11 @@ def predict(options: Predict) -> int:
         )
     else:
         terminal_tables.print_prediction(predicted, pose_file.source, pose_file.frame)
+        if pose_file.light:
+            print_text(
+                f"note: the light of that plan ({pose_file.light}) is not considered: targets that it does not "
+                "show count as inspected here. plan --poses with --light considers it"
+            )
         print_unit(options.part, options.units)
         _print_left_out(targets)
         if text := localisation_text(options, targets.items):

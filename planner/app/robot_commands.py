@@ -17,6 +17,7 @@ from planner.app.process import DONE, INCOMPLETE
 from planner.camera.pose import PoseUncertainty
 from planner.exceptions import RequestError, UncertaintyError
 from planner.files import PLAN, PROGRAM, check_file_place, print_json
+from planner.light.area_lights import BACKLIGHT
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import terminal_progress, visible
 from planner.robotcell import Cell, Placement, Reachability
@@ -26,13 +27,8 @@ from planner.robotcell.placement import PlacementSearch
 from planner.robotcell.urdf import compose, invert
 from planner.robotprogram.other_poses import with_reached_settings
 from planner.robotprogram.program import FixturedTour, RobotProgram, Stop
-from planner.robotprogram.program_texts import (
-    FORMATS,
-    CameraSignals,
-    check_program_speed,
-    format_of_file,
-    write_program,
-)
+from planner.robotprogram.program_steps import CameraSignals, check_program_speed
+from planner.robotprogram.program_texts import FORMATS, format_of_file, write_program
 from planner.robotprogram.robot_program import (
     ArmUncertainty,
     robot_program,
@@ -88,7 +84,7 @@ def program(options: Program) -> int:
         print_json(made.to_dict())
     else:
         _print_program(made)
-        print_lamp_note(plan)
+        print_lamp_note(plan, cell)
         print(visible(str(path)))
         if made.plan is not None:
             print(visible(str(options.plan_out)))
@@ -152,10 +148,20 @@ def _print_program(made: RobotProgram) -> None:
         print_text(f"warning: {text}")
 
 
-def print_lamp_note(plan: InspectionPlan) -> None:
-    """Print that lamps of a plan are no bodies of the cell; nothing of a plan without lamps that stand somewhere."""
+def print_lamp_note(plan: InspectionPlan, cell: Cell) -> None:
+    """Print that lights of a plan are no bodies of the cell; nothing of a ring, or if the cell has a light."""
     light = plan.light
-    if light is None or light.area is not None or light.kind == "ring" or not len(light.lamps):
+    if light is None or light.kind == "ring" or cell.light is not None:
+        return
+    if light.area is not None:
+        stands = light.area.kind == BACKLIGHT
+        table, moves = ("[fixturings.NAME.light]", "part") if stands else ("[light]", "camera")
+        print_text(
+            f"note: the plan's light is no obstacle of the cell: {light.area}. It moves with the {moves}. "
+            f"State it as {table} of the cell"
+        )
+        return
+    if not len(light.lamps):
         return
     places = [
         f"lamp {k} at ({x:.0f}, {y:.0f}, {z:.0f})"
@@ -193,6 +199,8 @@ _ROWS = 5
 # positions that are tried, of the part as it lies and on all its sides
 _PLACES = 300
 _WAYS = 1500
+# each asks for all angles of the table
+_WAYS_ON_TURNTABLE = 300
 # of the best ways, those whose program is made
 _PROGRAMMED = 4
 # of the longest reach of the arm, where a part is looked for
@@ -221,11 +229,13 @@ def reach(options: Reach) -> int:
             print(text, file=sys.stderr)
         return DONE if reachability.complete else INCOMPLETE
     _print_reached(reachability, cell)
-    print_lamp_note(plan)
+    print_lamp_note(plan, cell)
     changed = cell.difference(plan.cell)
     if changed:
         print_text(f"note: the cell of the plan differs from the cell given, in {changed}")
     if reachability.complete:
+        if options.plan_out is not None:
+            print_text(f"{options.plan_out} was not written: all settings are reached as planned")
         return DONE
     return _other_poses(options, plan, solid, cell)
 
@@ -312,8 +322,7 @@ def _print_reached(reachability: Reachability, cell: Cell) -> None:
 
 def model_notes(cell: Cell) -> list[str]:
     """Return what a reader of a table must know of the cell's model, in sentences."""
-    unchecked = cell.robot.unchecked
-    warnings = [f"warning: {unchecked}"] if unchecked else []
+    warnings = [f"warning: {text}" for text in cell.unchecked]
     constant = [cell.constant_clearance(name) for name in cell.fixturings]
     nearest = min(constant, key=lambda pair: pair.mm)
     always = f"{nearest.first} is always {nearest.mm:.0f} mm from {nearest.second}"
@@ -348,7 +357,7 @@ def _placed(options: Reach, plan: InspectionPlan, solid: Solid, cell: Cell) -> i
         print_json([placement.to_dict() for placement in placements])
     else:
         _print_places(placements, len(plan.settings), cell, options.cell)
-        print_lamp_note(plan)
+        print_lamp_note(plan, cell)
     if options.cell_out is not None and placements:
         _write_cell(options, placements[0])
     return DONE if placements and placements[0].n_reached == len(plan.settings) else INCOMPLETE
@@ -387,13 +396,14 @@ def _laid(options: Reach, plan: InspectionPlan, solid: Solid, cell: Cell) -> int
     posts = Posts(heights, options.post_width)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         search = LayingSearch(plan, solid, cell, str(options.table), posts)
-        proposals = search.run(options.draws or _WAYS, options.seed, options.ways, progress)
+        draws = _WAYS_ON_TURNTABLE if search.turns else _WAYS
+        proposals = search.run(options.draws or draws, options.seed, options.ways, progress)
         ways = _with_programs(proposals, plan, solid, cell)
     if options.json:
         print_json([_way_record(way) for way in ways])
     else:
         _print_layings(ways, search.sides, plan, cell)
-        print_lamp_note(plan)
+        print_lamp_note(plan, cell)
     if options.cell_out is not None and ways:
         out = Path(str(options.cell_out))
         content = laid_cell(options.cell, ways[0].laid.fixturings, out.parent)

@@ -39,6 +39,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
+from ground.shared import Shared
 from planner.bound.boxes import PROVEN, SPENT
 from planner.bound.pose_space import PoseSpace, SearchedPart, WitnessSets
 from planner.bound.pose_tree import PoseTree, TargetLeaves, find_conflicts
@@ -46,7 +47,7 @@ from planner.bound.view import Cells, entity_cells
 from planner.callbacks import NOBODY, Callbacks, Checkpoint
 from planner.cover import cover_within, distinct_rows, fractional_cover, maximal_columns, mean_dual
 from planner.effort import Effort
-from planner.executors import Shared, in_order
+from planner.executors import in_order
 from planner.request.problem import Problem
 
 # The linear part of the lower bound: weights that no single pose exceeds, and the poses that do.

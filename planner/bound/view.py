@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.decorators import entry_kernel, kernel, kernel_without_refcounts
-from planner.executors import Shared
+from ground.shared import Shared
 from planner.request.reach import cells_of
 
 if TYPE_CHECKING:

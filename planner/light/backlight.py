@@ -192,7 +192,7 @@ class Backlight:
     def description(self) -> str:
         """What a sentence calls it."""
         width, height = 2 * self.half_lengths
-        place = ", ".join(f"{x:g}" for x in self.centre)
+        place = ", ".join(f"{round(x, 3) + 0.0:g}" for x in self.centre)
         named = f" {self.name}" if self.name else ""
         return f"a backlight{named} of {width:g} x {height:g} mm at ({place}) mm"
 

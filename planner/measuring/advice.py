@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.measuring.images import DARK_SHARE, MOST_BLUR_PX, WELL_EXPOSED, Picture
+from planner.measuring.images import DARK_SHARE, MOST_BLUR_PX, Picture, longer
 from planner.measuring.reading import Reading, largest_state
 from planner.measuring.samples import STATE_TEXTS, State
 
@@ -86,10 +86,7 @@ def advice_of(
         return _BY_TEXT[worst]
     bright = brightness(picture, places)
     if bright < DARK_SHARE:
-        times = WELL_EXPOSED / max(bright, 0.004)
-        return (
-            f"expose for {times:.1f} times as long, or light it from another side: it is dark there"
-        )
+        return f"{longer(bright)}, or light it from another side: it is dark there"
     return LIGHT
 
 
@@ -145,8 +142,7 @@ def advice_of_images(pictures: Sequence[Picture], lost: Mapping[str, int]) -> st
         return "expose for half of the time or less: much of the image is overexposed"
     bright = max(picture.bright_share for picture in pictures)
     if bright < DARK_SHARE:
-        times = WELL_EXPOSED / max(bright, 0.004)
-        return f"expose for {times:.1f} times as long: the image is dark"
+        return f"{longer(bright)}: the image is dark"
     worst = largest_state(lost)
     if worst == STATE_TEXTS[State.WEAK]:
         return "light more of the part: many of its edges lack contrast"

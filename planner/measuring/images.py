@@ -42,6 +42,8 @@ DARK_SHARE = 0.25
 """Share of white below which an image is dark."""
 WELL_EXPOSED = 0.8
 """Share of white that the bright part of an image should have."""
+# an image without any light is as if it had one of 255
+_DARKEST = 0.004
 MOST_BLUR_PX = 2.0
 """Blur across edges from which on an image has a note."""
 
@@ -69,6 +71,12 @@ _BELOW = 8
 _MORE = 2.0
 _FAR_MORE = 30.0
 _EQUAL = 0.5
+
+
+def longer(bright: float) -> str:
+    """Return for how long to expose an image whose bright part has a share of white."""
+    times = WELL_EXPOSED / max(bright, _DARKEST)
+    return f"expose for {times:.{1 if times < 10 else 0}f} times as long"
 
 
 class White(NamedTuple):
@@ -265,8 +273,7 @@ class Picture:
         elif overexposed:
             notes.append(f"overexposed beside {', '.join(overexposed)}: {shorter}")
         elif bright < DARK_SHARE:
-            times = f"expose for {WELL_EXPOSED / max(bright, 0.004):.1f} times as long"
-            notes.append(f"dark{self._if_white}: {times}")
+            notes.append(f"dark{self._if_white}: {longer(bright)}")
         if blur_px > MOST_BLUR_PX:
             notes.append(f"blurred: edges are spread with a standard deviation of {blur_px:.1f} px")
         return notes
@@ -517,10 +524,17 @@ def _check_names(files: Mapping[str, Any], shots: list[Shot], partial: bool) -> 
         hint = "" if extra or partial else "--partial measures what is there"
         raise RequestError.of_rule(
             "images",
-            f"must be the {len(names)} images of the plan, {names[0]} to {names[-1]}",
+            f"must be {_all_of(names)}",
             " and ".join(parts),
             hint=hint,
         )
+
+
+def _all_of(names: list[str]) -> str:
+    """Return what the images must be."""
+    if len(names) == 1:
+        return f"the image of the plan, {names[0]}"
+    return f"the {len(names)} images of the plan, {names[0]} to {names[-1]}"
 
 
 def _listed(names: list[str]) -> str:

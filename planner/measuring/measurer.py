@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.measurands import DecisionRule, Localisation, Measurand, Position
+from errors.measurands import Circle, DecisionRule, Localisation, Position
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
 from errors.measurands.split import End, can_be_split
 from ground.blas import with_one_thread
@@ -31,9 +31,17 @@ from planner.identity import PartRecord
 from planner.light.light_plan import beside, irradiance
 from planner.measuring.advice import advice_of_images, advised, with_advice
 from planner.measuring.images import WELL_EXPOSED, ImageSet, Picture, Shot, read_images, shots_of
-from planner.measuring.merging import joined_ends, merged, weights_of
+from planner.measuring.merging import (
+    ScannedEnd,
+    joined_ends,
+    merged,
+    position_of_ends,
+    read_with,
+    weights_of,
+)
 from planner.measuring.part_posterior import KnownImage, PartPosterior
 from planner.measuring.reading import (
+    EntityScan,
     Reading,
     entity_samples,
     read_length,
@@ -50,7 +58,15 @@ from planner.measuring.results import (
     Source,
 )
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartEdge, PartModel
-from planner.measuring.seen_breaks import edges_text, seen_break, seen_notes, unseen_breaks
+from planner.measuring.seen_breaks import (
+    UNCLEAR_PX,
+    edges_text,
+    pixel_mm,
+    seen_break,
+    seen_notes,
+    unseen_breaks,
+    unseen_mm,
+)
 from planner.measuring.task import (
     REPEATABILITY,
     NotRegisteredError,
@@ -59,8 +75,8 @@ from planner.measuring.task import (
     displacement_between,
     distance_of,
 )
-from planner.request.dimension import is_one_sided
-from planner.request.edge_state import MOST_UNSEEN_MM, UNSEEN_PX, EdgeState, checked_break
+from planner.request.dimension import POSITIONS, is_one_sided
+from planner.request.edge_state import EdgeState, checked_break
 from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES
 from planner.request.targets import Target, targets_of
 from planner.sensor_setting import SensorSetting, setting_name
@@ -96,65 +112,6 @@ def _unplanned(plan: InspectionPlan) -> list[str]:
     return [
         f"not planned, and so not measured: {', '.join(of)}: {why}" for why, of in names.items()
     ]
-
-
-def read_with(
-    value: Measurand, read: Callable[[Measurand], Reading], *, with_size: bool = False
-) -> Reading:
-    """Return the reading of a value; a position is read by its components.
-
-    Parameters
-    ----------
-    value : Measurand
-        The value.
-    read : callable
-        Reads a value that is nearly linear in what is fitted.
-    with_size : bool
-        Whether the diameter of a position's rim is read, too.
-
-    Returns
-    -------
-    Reading
-        Of a position 2‖e‖ the uncertainty is that along e, and ``deviation_mm`` and ``covariance_mm2`` are those of e.
-        With a size, the covariance has a further row and column for it.
-    """
-    if not isinstance(value, Position):
-        return read(value)
-    n = len(value.frame.errors)
-    first = read(value.along(np.eye(n)[0]))
-    if not first.measured:
-        return first
-    # of sums of two, the variance tells their covariance
-    shares = np.eye(n + with_size)
-    m = len(shares)
-    readings = {
-        (i, j): read(value.along(row[:n], float(row[n:].sum())))
-        for i in range(m)
-        for j in range(i, m)
-        for row in (shares[i] + (i != j) * shares[j],)
-    }
-    variances = {pair: reading.standard_uncertainty**2 for pair, reading in readings.items()}
-    covariance = np.diag([variances[k, k] for k in range(m)])
-    for (i, j), variance in variances.items():
-        if i != j:
-            both = 0.5 * (variance - variances[i, i] - variances[j, j])
-            covariance[i, j] = covariance[j, i] = both
-    e = np.array([readings[k, k].value for k in range(n)])
-    size_mm = math.nan
-    if with_size:
-        size_mm = value.size_mm + readings[n, n].value
-    axis = np.linalg.eigh(covariance[:n, :n])[1][:, -1]
-    distance = float(np.linalg.norm(e))
-    if distance > 0.0:
-        axis = e / distance
-    reading = read(value.along(2.0 * axis))
-    return replace(
-        reading,
-        value=2.0 * distance,
-        deviation_mm=tuple(e.tolist()),
-        covariance_mm2=tuple(map(tuple, covariance.tolist())),
-        size_mm=size_mm,
-    )
 
 
 def image_notes(
@@ -457,13 +414,13 @@ class Measurer:
             name: plan.targets[name] for name in plan.inspected if name not in plan.split
         }
         # a setting measures a target by the witness that it was planned with
-        self._by_witness = {
+        self.by_witness = {
             witness_key(setting, name): whole_targets(plan, setting)[name]
             for setting in plan.settings
             for name in setting.entities
         }
         area = None if plan.light is None else plan.light.area
-        self.model = PartModel(solid, self._by_witness, area)
+        self.model = PartModel(solid, self.by_witness, area)
         self._ends = self._ends_of_others()
 
     @with_one_thread
@@ -517,8 +474,9 @@ class Measurer:
         seen = seen_break(self.model, pictures, poses)
         edge_notes = seen_notes(seen, self.edge_state(options))
         uses_seen = seen is not None and not self.edge_state(options).stated
+        is_broken = seen is not None or self._is_wide(self.edge_state(options), poses)
         response = judge_response(
-            self.model, pictures, poses, self._edges_half_px(poses), seen is not None
+            self.model, pictures, poses, self._edges_half_px(poses), is_broken
         )
         pictures = response.pictures
         if seen is not None and uses_seen:
@@ -534,7 +492,9 @@ class Measurer:
         scene = self.model.edges.scene
         notes = image_notes(self.plan, scene, pictures, registered, readings)
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
-        unseen = unseen_breaks(results, states, self._unseen_mm(registered), options.rule)
+        poses_of_images = [image.cam2world for image in registered.values()]
+        limit_mm = unseen_mm(self.plan.camera, self.model.solid, poses_of_images)
+        unseen = unseen_breaks(results, states, limit_mm, options.rule)
         of_images = (*image_set.notes, *response.notes(readings), *edge_notes, *joint.notes)
         return MeasurementResults(
             {name: results[name] for name in self.plan.entities},
@@ -660,7 +620,23 @@ class Measurer:
                 free_of[name] |= self.model.free_of[witness_key(setting, name)]
         for name, ends in self._ends.items():
             free_of[name] = set().union(*(end.free for end in ends))
-        return PartPosterior(self.model, self.plan.camera, [g for g in groups if g], free_of)
+        return PartPosterior(
+            self.model, self.plan.camera, [g for g in groups if g], free_of, self._places_mm()
+        )
+
+    def _places_mm(self) -> dict[int, float]:
+        """Return how far the axes of holes and pins may be off by their tolerances of position, by their surfaces.
+
+        The zone holds two standard deviations to each side. A hole that is off as its drawing allows must not move the
+        pose from which others are measured.
+        """
+        places: dict[int, float] = {}
+        for key, target in self.by_witness.items():
+            shape = target.measurand.geometry[0]
+            if target.kind in POSITIONS and isinstance(shape, Circle) and target.tolerance:
+                axis = self.model.carried_by[self.model.measured[key][0].name][1]
+                places[axis] = max(places.get(axis, 0.0), target.tolerance[1] / 4)
+        return places
 
     def _edges_half_px(self, registered: Mapping[str, Registered]) -> float:
         """Return how far from their predictions the edges of all images are searched, px."""
@@ -813,7 +789,7 @@ class Measurer:
         """Return the reading of a target in an image, as it is at the joint estimate of all images."""
         registered = image.registered
         key = witness_key(self.plan.settings[shot.setting], name)
-        target = self._by_witness[key]
+        target = self.by_witness[key]
         place = (name, shot.name, shot.setting)
         floor_px = self._floor_px(target.localisation, options)
         edge_state = self.edge_state(options, target)
@@ -860,7 +836,7 @@ class Measurer:
         ends = {}
         for name in (*self.plan.split, *self.plan.uninspectable):
             value = self._split_target(name).measurand
-            if not can_be_split(value):
+            if not (can_be_split(value) or isinstance(value, Position)):
                 continue
             ends[name] = [
                 MeasuredEnd(name, End(value, k), self.model.entity(shape, name), self.model)
@@ -883,7 +859,7 @@ class Measurer:
         options: MeasureOptions,
     ) -> dict[str, Result]:
         """Return results of targets whose entities are in different images, whether the plan inspects them or not."""
-        best: dict[str, dict[int, Reading]] = {name: {} for name in self._ends}
+        best: dict[str, dict[int, ScannedEnd]] = {name: {} for name in self._ends}
         why: dict[str, list[str]] = {name: [] for name in self._ends}
         for shot in self.shots:
             image = registered.get(shot.name)
@@ -898,19 +874,12 @@ class Measurer:
                         or not end.is_shown(image, self.plan.camera, options.coverage)
                     ):
                         continue
-                    pictures = [response.pictures, *response.others]
-                    reading, *others = [
-                        self._read_end(shot, end, picture[shot.name], known, options)
-                        for picture in pictures
-                    ]
-                    reading = response.counted(reading, others)
-                    if is_planned and not reading.measured:
-                        why[name].append(f"{shot.name}: {reading.reason}")
+                    scanned = self._scanned_end(shot, end, response, known, options)
+                    if is_planned and not scanned.first.measured:
+                        why[name].append(f"{shot.name}: {scanned.first.reason}")
                     worse = best[name].get(k)
-                    if reading.measured and (
-                        worse is None or reading.standard_uncertainty < worse.standard_uncertainty
-                    ):
-                        best[name][k] = reading
+                    if scanned.first.measured and (worse is None or scanned.spread < worse.spread):
+                        best[name][k] = scanned
         missing = {
             name: merged(
                 name,
@@ -921,57 +890,91 @@ class Measurer:
             )
             for name in self.plan.split
         }
-        return missing | {
-            name: joined_ends(
-                name,
-                self.plan.targets[name],
-                [readings[k] for k in sorted(readings)],
-                options.rule,
-                known.common([readings[k] for k in sorted(readings)]),
+        results = dict(missing)
+        for name, scans in best.items():
+            if len(scans) < len(self._ends[name]):
+                continue
+            entities = [scans[k] for k in sorted(scans)]
+            target = self.plan.targets[name]
+            if isinstance(target.measurand, Position):
+                results[name] = position_of_ends(target, entities, known.common, options.rule)
+                continue
+            readings = [entity.first for entity in entities]
+            results[name] = joined_ends(
+                name, target, readings, options.rule, known.common(readings)
             )
-            for name, readings in best.items()
-            if len(readings) == len(self._ends[name])
-        }
+        return results
 
-    def _read_end(
+    def _scanned_end(
+        self,
+        shot: Shot,
+        end: MeasuredEnd,
+        response: JudgedResponse,
+        posterior: PartPosterior,
+        options: MeasureOptions,
+    ) -> ScannedEnd:
+        """Return one entity of a target as an image shows it, also with other responses of the camera."""
+        target = self.plan.targets[end.target]
+        image = posterior.known(end.target, shot.name)
+        scans = [
+            self._scan_end(shot, end, pictures[shot.name], image.registered, options)
+            for pictures in (response.pictures, *response.others)
+        ]
+        floor_px = self._floor_px(target.localisation, options)
+
+        def read(value: End) -> Reading:
+            reading, *others = [
+                image.corrected(
+                    read_value(
+                        (end.target, shot.name, shot.setting),
+                        value,
+                        [scan],
+                        image.registered,
+                        self.model,
+                        floor_px,
+                        self.plan.camera,
+                    )
+                )
+                for scan in scans
+            ]
+            return replace(response.counted(reading, others), entity=end.edge.name)
+
+        first = read(end.value)
+        spread = first.standard_uncertainty
+        if isinstance(target.measurand, Position) and first.measured:
+            axes = np.eye(len(target.measurand.frame.errors))
+            components = [End(target.measurand.along(axis), end.value.entity) for axis in axes]
+            spread = math.hypot(*(read(value).standard_uncertainty for value in components))
+        return ScannedEnd(read, first, spread)
+
+    def _scan_end(
         self,
         shot: Shot,
         end: MeasuredEnd,
         picture: Picture,
-        known: PartPosterior,
+        registered: Registered,
         options: MeasureOptions,
-    ) -> Reading:
-        """Return the reading of one entity of a target in an image."""
-        image = known.known(end.target, shot.name)
+    ) -> EntityScan:
+        """Return what an image shows of one entity of a target."""
         target = self.plan.targets[end.target]
         edge_state = self.edge_state(options, target)
         half_px = NEAR_PX
-        if image.registered.method != OWN_EDGES:
+        if registered.method != OWN_EDGES:
             setting = self.plan.settings[shot.setting]
             whole = {end.target: self._split_target(end.target)}
-            half_px = self._searched_px(setting, whole, image.registered)[end.target]
-        samples = entity_samples(self.model, [end.edge], image.registered, picture.camera, half_px)
-        scan = scan_entity(
+            half_px = self._searched_px(setting, whole, registered)[end.target]
+        samples = entity_samples(self.model, [end.edge], registered, picture.camera, half_px)
+        return scan_entity(
             self.model,
             end.edge,
             end.value.frames[0],
             samples.of(0),
             picture,
-            image.registered,
+            registered,
             half_px=half_px,
             coverage=options.coverage,
             edge_state=edge_state,
         )
-        reading = read_value(
-            (end.target, shot.name, shot.setting),
-            end.value,
-            [scan],
-            image.registered,
-            self.model,
-            self._floor_px(target.localisation, options),
-            picture.camera,
-        )
-        return replace(image.corrected(reading), entity=end.edge.name)
 
     def _half_px(self, shot: Shot, registered: Registered) -> dict[str, float]:
         """Return how far from its prediction each target is searched, px."""
@@ -979,7 +982,7 @@ class Measurer:
             # deviations are estimated, and entities are searched for where these put them
             return dict.fromkeys(shot.targets, NEAR_PX)
         setting = self.plan.settings[shot.setting]
-        targets = {name: self._by_witness[witness_key(setting, name)] for name in shot.targets}
+        targets = {name: self.by_witness[witness_key(setting, name)] for name in shot.targets}
         return self._searched_px(setting, targets, registered)
 
     def _searched_px(
@@ -1023,19 +1026,12 @@ class Measurer:
         of_target = getattr(target, "edge_break_mm", None)
         return EdgeState.of(of_target, options.edge_break_mm, self.plan.request.edge_break_mm)
 
-    def _unseen_mm(self, registered: Mapping[str, Registered]) -> float:
-        """Return the largest break that images do not show, mm: so many pixels in the middle of the part."""
-        camera = self.plan.camera
-        solid = self.model.solid
-        middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
-        depths = [
-            float((middle - image.cam2world[:3, 3]) @ image.cam2world[:3, 2])
-            for image in registered.values()
-        ]
-        pitch = float(max(camera.pixel_pitch_mm)) / camera.image_distance_mm
-        if not depths:
-            return 0.0
-        return min(UNSEEN_PX * pitch * float(np.median(depths)), MOST_UNSEEN_MM)
+    def _is_wide(self, state: EdgeState, registered: Mapping[str, Registered]) -> bool:
+        """Return whether edges are stated as broken so widely that light beside them is asymmetric."""
+        if not state.stated or not registered:
+            return False
+        poses = [image.cam2world for image in registered.values()]
+        return state.high_mm > UNCLEAR_PX * pixel_mm(self.plan.camera, self.model.solid, poses)
 
     def _floor_px(self, planned: Localisation, options: MeasureOptions) -> float:
         if options.localisation is not None:

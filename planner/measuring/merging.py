@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ from errors.measurands import (
     Bonus,
     Decision,
     DecisionRule,
+    End,
+    Measurand,
     Position,
     acceptance_limits,
     conformance_probability,
@@ -25,7 +28,7 @@ from errors.measurands import (
 from errors.measurands.measurand import COVERAGE
 from planner.measuring.reading import Reading
 from planner.measuring.results import Result, variances_of_points
-from planner.request.dimension import MaterialCondition
+from planner.request.dimension import POSITIONS, MaterialCondition
 from planner.request.targets import Target
 
 CONSISTENT = 0.99
@@ -77,10 +80,19 @@ def merged(
         )
         advice = advised[0].advice if advised else ""
         reason = reason or "no image shows it"
-        return Result(*target_fields, *nothing, reason, tuple(readings), advice=advice)
+        unread = Result(*target_fields, *nothing, reason, tuple(readings), advice=advice)
+        return replace(unread, **_zone_of(target))
     if good[0].deviation_mm and target.tolerance is not None:
         return _position_result(name, target, readings, rule)
     return _measured(name, target, readings, _weighted(good, common), rule)
+
+
+def _zone_of(target: Target) -> dict[str, Any]:
+    """Return what widens the zone of a position, and its datums; nothing of another target."""
+    if target.kind not in POSITIONS:
+        return {}
+    material = "" if target.material is None else target.material.condition
+    return {"material": material, "datums": target.datum_names}
 
 
 def joined_ends(
@@ -92,8 +104,8 @@ def joined_ends(
 ) -> Result:
     """Return the result of a target whose entities are read in different images.
 
-    The deviation is the sum of those by each entity. Localisation and its floor are errors of each entity. Response and
-    broken edges may move both alike, so their standard deviations are added up.
+    The deviation is the sum of those by each entity. Localisation and its floor are errors of each entity. The response
+    may move both alike, so its standard deviations are added up. Breaks that nobody stated have one mean for all.
 
     Parameters
     ----------
@@ -110,10 +122,166 @@ def joined_ends(
     """
     value = target.nominal + math.fsum(end.value - target.nominal for end in ends)
     variance = float(common.sum()) + math.fsum(variances_of_points(ends).values())
-    where = ", ".join(f"{end.entity} in {end.image}" for end in ends)
-    notes = (f"no image shows all of it: {where}",)
-    combined = _Combined(value, math.sqrt(variance), notes)
+    combined = _Combined(value, math.sqrt(variance), (_where_text(ends),))
     return _measured(name, target, ends, combined, rule)
+
+
+def joined_reading(ends: Sequence[Reading], common: NDArray[np.float64]) -> Reading:
+    """Return a component of a position whose entities are read in different images, as if one image showed it.
+
+    Parameters
+    ----------
+    ends : sequence of Reading (n,)
+        The reading of each entity.
+    common : array (n, n)
+        Covariance of the readings by poses and surfaces.
+    """
+    variance = float(common.sum()) + math.fsum(variances_of_points(ends).values())
+    return Reading(
+        ends[0].name,
+        ", ".join(dict.fromkeys(end.image for end in ends)),
+        ends[0].setting,
+        value=math.fsum(end.value for end in ends),
+        standard_uncertainty=math.sqrt(max(variance, 0.0)),
+    )
+
+
+def joined_position(
+    target: Target, joined: Reading, ends: Sequence[Reading], rule: DecisionRule
+) -> Result:
+    """Return the result of a position whose rim and datums are read in different images.
+
+    Parameters
+    ----------
+    target : Target
+        The position.
+    joined : Reading
+        Its deviation with covariance.
+    ends : sequence of Reading
+        The reading of each entity along the deviation.
+    rule : DecisionRule
+        How it is decided.
+    """
+    values, axes = np.linalg.eigh(np.array(joined.covariance_mm2))
+    # what moves all edges alike is added up without its signs, so that an eigenvalue may be below 0
+    covariance = (axes * np.maximum(values, 0.0)) @ axes.T
+    counted = replace(joined, covariance_mm2=tuple(map(tuple, covariance.tolist())))
+    result = _position_result(target.name, target, [counted], rule)
+    notes = [_where_text(ends), *result.notes]
+    notes += dict.fromkeys(note for end in ends for note in end.notes)
+    return replace(result, readings=tuple(ends), notes=tuple(notes))
+
+
+class ScannedEnd(NamedTuple):
+    """One entity of a target in an image.
+
+    Attributes
+    ----------
+    read : callable
+        Returns the reading of what the entity has in a value.
+    first : Reading
+        That of its share in the target; of a position, in its first component.
+    spread : float
+        Standard deviation of this; of a position, of all components.
+    """
+
+    read: Callable[[End], Reading]
+    first: Reading
+    spread: float
+
+
+def read_with(
+    value: Measurand, read: Callable[[Measurand], Reading], *, with_size: bool = False
+) -> Reading:
+    """Return the reading of a value; a position is read by its components.
+
+    Parameters
+    ----------
+    value : Measurand
+        The value.
+    read : callable
+        Reads a value that is nearly linear in what is fitted.
+    with_size : bool
+        Whether the diameter of a position's rim is read, too.
+
+    Returns
+    -------
+    Reading
+        Of a position 2‖e‖ the uncertainty is that along e, and ``deviation_mm`` and ``covariance_mm2`` are those of e.
+        With a size, the covariance has a further row and column for it.
+    """
+    if not isinstance(value, Position):
+        return read(value)
+    n = len(value.frame.errors)
+    first = read(value.along(np.eye(n)[0]))
+    if not first.measured:
+        return first
+    # of sums of two, the variance tells their covariance
+    shares = np.eye(n + with_size)
+    m = len(shares)
+    readings = {
+        (i, j): read(value.along(row[:n], float(row[n:].sum())))
+        for i in range(m)
+        for j in range(i, m)
+        for row in (shares[i] + (i != j) * shares[j],)
+    }
+    variances = {pair: reading.standard_uncertainty**2 for pair, reading in readings.items()}
+    covariance = np.diag([variances[k, k] for k in range(m)])
+    for (i, j), variance in variances.items():
+        if i != j:
+            both = 0.5 * (variance - variances[i, i] - variances[j, j])
+            covariance[i, j] = covariance[j, i] = both
+    e = np.array([readings[k, k].value for k in range(n)])
+    size_mm = math.nan
+    if with_size:
+        size_mm = value.size_mm + readings[n, n].value
+    axis = np.linalg.eigh(covariance[:n, :n])[1][:, -1]
+    distance = float(np.linalg.norm(e))
+    if distance > 0.0:
+        axis = e / distance
+    reading = read(value.along(2.0 * axis))
+    return replace(
+        reading,
+        value=2.0 * distance,
+        deviation_mm=tuple(e.tolist()),
+        covariance_mm2=tuple(map(tuple, covariance.tolist())),
+        size_mm=size_mm,
+    )
+
+
+def position_of_ends(
+    target: Target,
+    entities: Sequence[ScannedEnd],
+    common_of: Callable[[Sequence[Reading]], NDArray[np.float64]],
+    rule: DecisionRule,
+) -> Result:
+    """Return the result of a position whose rim and datums are in different images.
+
+    Parameters
+    ----------
+    target : Target
+        The position.
+    entities : sequence of ScannedEnd
+        What shows each of its entities best.
+    common_of : callable
+        Returns the covariance of readings by poses and surfaces.
+    rule : DecisionRule
+        How it is decided.
+    """
+    readings: list[Reading] = []
+
+    def read(component: Measurand) -> Reading:
+        readings[:] = [entity.read(End(component, k)) for k, entity in enumerate(entities)]
+        return joined_reading(readings, common_of(readings))
+
+    joined = read_with(target.measurand, read, with_size=target.material is not None)
+    # the last ones are those along e
+    return joined_position(target, joined, readings, rule)
+
+
+def _where_text(ends: Sequence[Reading]) -> str:
+    places = ", ".join(f"{end.entity} in {end.image}" for end in ends)
+    return f"no image shows all of it: {places}"
 
 
 class _Combined(NamedTuple):
@@ -155,9 +323,6 @@ def _position_result(
     good = [reading for reading in readings if reading.measured]
     best = surest(good)
     tolerance = target.tolerance or (0.0, 0.0)
-    datums: tuple[str, ...] = ()
-    if isinstance(target.measurand, Position):
-        datums = tuple(target.measurand.datum_names(target.entities))
     n = len(best.deviation_mm)
     joint = np.array(best.covariance_mm2)
     covariance = joint[:n, :n]
@@ -187,7 +352,7 @@ def _position_result(
         interval=deviation_interval(best.deviation_mm, covariance),
         bonus_mm=bonus_mm,
         material="" if target.material is None else target.material.condition,
-        datums=datums,
+        datums=target.datum_names,
     )
 
 

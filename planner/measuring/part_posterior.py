@@ -73,6 +73,9 @@ class PartPosterior:
         The registered images of each pose, by name.
     free_of : mapping of str to set of int
         The surfaces that each target measures, by its name.
+    places_mm : mapping of int to float
+        Of holes and pins with a tolerance of position, how far their axes may be off, by the number of the surface; one
+        standard deviation along each direction, mm.
     """
 
     def __init__(
@@ -81,8 +84,10 @@ class PartPosterior:
         camera: Camera,
         settings: Sequence[Mapping[str, Registered]],
         free_of: Mapping[str, set[int]],
+        places_mm: Mapping[int, float] | None = None,
     ) -> None:
         self._model = model
+        self._places_mm = places_mm or {}
         self._camera = camera
         self._free_of = free_of
         self._settings = settings
@@ -102,12 +107,21 @@ class PartPosterior:
         self._estimated = bool(self._evidence)
         self._surfaces_mm = max((image.surfaces_mm for image in self._images.values()), default=0.0)
         self._priors: dict[str, Prior] = {}
-        self._stated = surface_variances(self._model, self._surfaces_mm)
+        self._stated = self._as_stated()
         self._alone = len(self._images) == 1 and all(
             free == model.free for free in free_of.values()
         )
         if self._estimated and not self._alone:
             self._stated = self._settled()
+
+    def _as_stated(self) -> Array:
+        """Return the variances (3k,) of surfaces as they are stated, with the tolerances of position of holes."""
+        variances = surface_variances(self._model, self._surfaces_mm)
+        for k, place_mm in self._places_mm.items():
+            # the radius is first, then the axis
+            axis = slice(PARAMETERS * k + 1, PARAMETERS * (k + 1))
+            variances[axis] = np.maximum(variances[axis], place_mm**2)
+        return variances
 
     def _settled(self) -> Array:
         """Return the variances (3k,) of surfaces before; of those that deviate more, with what the images show.
@@ -116,7 +130,7 @@ class PartPosterior:
         hardly tells surfaces that targets measure from its pose, and both lie far along a curved valley. Biases of
         edges are enlarged to what all images show together.
         """
-        stated = surface_variances(self._model, self._surfaces_mm)
+        stated = self._as_stated()
         for k in range(_ROUNDS):
             variances = variances_shown(stated, self._views)
             joint = ManyImages(variances, self._views)
@@ -160,7 +174,7 @@ class PartPosterior:
         """What of the part is not as stated."""
         if not self._estimated:
             return ()
-        stated = surface_variances(self._model, self._surfaces_mm)
+        stated = self._as_stated()
         more = (self._stated > stated).reshape(-1, PARAMETERS).any(axis=1)
         count = int(more.sum())
         if not count:

@@ -90,11 +90,10 @@ def planned_edges(problem: Problem, surfaces_mm: float | None = None) -> OwnEdge
     floor = (
         max((target.localisation.floor_px for target in targets.values()), default=0.0) or FLOOR_PX
     )
-    breaks_px = _spread_mm(problem.edges) * _px_per_mm(problem.camera)
     return OwnEdges(
         problem.pose_uncertainty.covariance + np.diag(LEAST_POSE**2),
         _stretches(model, problem.camera, sigmas)._replace(free_sigmas=free_sigmas),
-        _imaging(problem.camera, math.hypot(bias_of(floor), breaks_px)),
+        _imaging(problem.camera, edges_bias_px(problem.camera, floor, problem.edges)),
         {
             key_of(target.name, target.witness.entities): _lifts(
                 model, target.name, targets[target.name]
@@ -102,6 +101,21 @@ def planned_edges(problem: Problem, surfaces_mm: float | None = None) -> OwnEdge
             for target in single.targets
         },
     )
+
+
+def edges_bias_px(camera: Camera, floor_px: float, edges: EdgeState) -> float:
+    """Return the standard deviation of what all points of an edge have in common, px.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    floor_px : float
+        Floor of the localisation, px.
+    edges : EdgeState
+        By how much edges are broken.
+    """
+    return math.hypot(bias_of(floor_px), _spread_mm(edges) * _px_per_mm(camera))
 
 
 def _spread_mm(edges: EdgeState) -> float:

@@ -237,7 +237,7 @@ def scan_entity(
     residual = np.full(len(state), np.nan)
     fit = None
     is_found = state == State.FOUND
-    scale = _px_per_mm(edge.geometry, frame, places, across, pose, camera)
+    scale = entity_scale(edge.geometry, frame, places, across, pose, camera)
     if is_found.sum() >= LEAST_POINTS:
         directions = tangents_of(camera, pixels)
         flat = carried_back(directions[is_found], pose, origins[is_found], normal, frame)
@@ -257,7 +257,7 @@ def scan_entity(
         scale[is_found],
         None if reason else fit,
         _moved_text(edge, half_px) if moved else reason,
-        _spacing(centres),
+        spacing_of(centres),
         breaks.of(is_found),
         moved,
     )
@@ -423,14 +423,14 @@ def _curvature(centres: Array, across: Array) -> Array:
     return np.asarray((second * across).sum(axis=1) / (first**2).sum(axis=1))
 
 
-def _spacing(centres: Array) -> float:
+def spacing_of(centres: Array) -> float:
     """Return the distance of neighbouring samples in the image, px."""
     if len(centres) < 2:
         return 1.0
     return max(float(np.median(np.linalg.norm(np.diff(centres, axis=0), axis=1))), 0.1)
 
 
-def _px_per_mm(
+def entity_scale(
     geometry: Geometry, frame: Frame, places: Array, across: Array, pose: Array, camera: Camera
 ) -> Array:
     """Return how many pixels across an entity's image a millimetre across it is (m,)."""
@@ -648,6 +648,8 @@ class Reading:
         Of a position with a material condition, the diameter of its hole or pin, measured on the same rim.
     entity : str
         The entity, if the value is what it would be if only this one of several was off; otherwise empty.
+    break_mean : float
+        Mean shift by breaks that nobody stated, with its sign; its square is part of the variance.
     """
 
     name: Annotated[str, NOT_STORED]
@@ -673,6 +675,7 @@ class Reading:
     covariance_mm2: tuple[tuple[float, ...], ...] = ()
     size_mm: NumberOrNull = math.nan
     entity: str = ""
+    break_mean: Annotated[float, NOT_STORED] = 0.0
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
@@ -731,7 +734,7 @@ def read_value(
         return replace(lost, moved=any(scan.moved for scan in scans))
     fits = [scan.fit for scan in scans if scan.fit is not None]
     value = measurand.nominal + float(measurand.value([fit.fitted[None] for fit in fits])[0])
-    by_fitted = _by_fitted(measurand, [fit.fitted for fit in fits])
+    by_fitted = slopes_by_fitted(measurand, [fit.fitted for fit in fits])
     random = 0.0
     floor = 0.0
     gradient = np.zeros(model.n_unknowns)
@@ -770,6 +773,7 @@ def read_value(
         drawn_uncertainty=drawn,
         notes=_notes(COVERAGE * u, drawn, gradient, registered),
         edge_shift=broken.by_mm,
+        break_mean=broken.mean,
     )
 
 
@@ -784,11 +788,14 @@ class EdgeEffect(NamedTuple):
         Of what remains.
     by_mm : float
         How far the value moves at most if all edges are broken by 1 mm; nan of a sharp part.
+    mean : float
+        Mean shift that is not corrected because nobody stated the breaks; its square is part of the variance.
     """
 
     shift: float
     variance: float
     by_mm: float
+    mean: float = 0.0
 
 
 def edge_effect(
@@ -834,7 +841,8 @@ def edge_effect(
     )
     ends = np.array([shift.ends for shift in shifts])
     by_mm = max(float(ends.max(axis=1).sum()), -float(ends.min(axis=1).sum()))
-    return EdgeEffect(shift, variance, by_mm)
+    mean = 0.0 if state.stated else math.fsum(shift.mean for shift in shifts)
+    return EdgeEffect(shift, variance, by_mm, mean)
 
 
 def _notes(
@@ -875,7 +883,7 @@ def budget_of(
     return dict(zip(SOURCES, parts, strict=True))
 
 
-def _by_fitted(measurand: Measurand, fitted: Sequence[Array]) -> list[Array]:
+def slopes_by_fitted(measurand: Measurand, fitted: Sequence[Array]) -> list[Array]:
     """Return the value's derivatives by what is fitted of each entity."""
     derivatives = []
     for k, parameters in enumerate(fitted):

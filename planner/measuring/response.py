@@ -701,7 +701,7 @@ def judge_response(
     model, pictures, registered, half_px
         As of `found_places`.
     is_broken : bool
-        Whether images show that edges are broken: such edges are asymmetric in light.
+        Whether images show that edges are broken, or the user states it: such edges are asymmetric in light.
     """
     area = model.edges.area
     untold = PowerEstimate(0.0, math.inf, 0) if area is not None and area.on_metal else None
@@ -786,7 +786,7 @@ def _measured_curve(
     but : str
         How a note begins.
     is_broken : bool
-        Whether images show that edges are broken.
+        Whether edges are broken.
     """
     curve = profiles.curve()
     power = profiles.power(LINEAR)

@@ -69,7 +69,9 @@ def nominal_text(result: Result) -> str:
     """Return the nominal value with its unit and tolerance; of a position its zone, with the bonus."""
     if result.kind in POSITIONS and result.tolerance is not None:
         bonus = f" + {result.bonus_mm:.3g} bonus" if math.isfinite(result.bonus_mm) else ""
-        return f"{zone_text(result.kind, result.tolerance[1])}{bonus} {result.unit}"
+        condition = f" ({result.material})" if result.material else ""
+        zone = f"{zone_text(result.kind, result.tolerance[1])}{bonus} {result.unit}{condition}"
+        return " | ".join((zone, *result.datums))
     tolerance = "" if result.tolerance is None else f" {tolerance_text(result.tolerance)}"
     return f"{result.nominal:.6g} {result.unit}{tolerance}"
 
@@ -148,7 +150,7 @@ class Result(ShownInNotebook):
     material : str
         Its material condition, "M" or "L"; otherwise empty.
     datums : tuple of str
-        Of a position, the names of what shows its datums, in their order.
+        Of a position, its datums in their order. The drawing names them, otherwise their entities do.
     deviation : float
         Measured value minus nominal value.
     expanded_uncertainty : float
@@ -236,8 +238,10 @@ def variances_of_points(ends: Sequence[Reading]) -> dict[str, float]:
         source: math.fsum(end.budget[source] for end in ends)
         for source in ("localisation", "localisation floor")
     }
-    for source in ("response", "edge state"):
-        variances[source] = math.fsum(math.sqrt(end.budget[source]) for end in ends) ** 2
+    variances["response"] = math.fsum(math.sqrt(end.budget["response"]) for end in ends) ** 2
+    # entities are broken independently, about a mean that all have
+    apart = math.fsum(max(end.budget["edge state"] - end.break_mean**2, 0.0) for end in ends)
+    variances["edge state"] = apart + math.fsum(end.break_mean for end in ends) ** 2
     return variances
 
 
@@ -253,8 +257,8 @@ def _budget_of_ends(ends: Sequence[Reading], u: float) -> dict[str, float]:
         if source not in of_points
     }
     total = math.fsum(parts.values())
-    rest = max(u**2 - math.fsum(of_points.values()), 0.0)
-    share = rest / total if total > 0 else 0.0
+    remainder = max(u**2 - math.fsum(of_points.values()), 0.0)
+    share = remainder / total if total > 0 else 0.0
     return {
         source: of_points[source] if source in of_points else share * parts[source]
         for source in SOURCES

@@ -23,6 +23,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,18 @@ from planner.measuring.registered import Faces, Lamp, Registered
 from planner.measuring.results import Result, UnseenBreaks
 from planner.measuring.samples import EdgeTable, PartModel, across_of, pixels_of, profiles_of
 from planner.measuring.verdict import Sampled
-from planner.request.edge_state import UNSTATED_MM, EdgeState, chamfer_lines
+from planner.request.edge_state import (
+    MOST_UNSEEN_MM,
+    UNSEEN_PX,
+    UNSTATED_MM,
+    EdgeState,
+    chamfer_lines,
+)
+from planner.text_table import digits_text
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from planner.camera.camera import Camera
 
 Array = NDArray[np.float64]
 
@@ -462,6 +474,20 @@ def _agreed(
 # What is neither stated nor shown.
 
 
+def pixel_mm(camera: Camera, solid: Solid, poses: Sequence[Array]) -> float:
+    """Return how much a pixel is in the middle of a part, mm; the median of poses (4, 4), and 0 without any."""
+    middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
+    depths = [float((middle - pose[:3, 3]) @ pose[:3, 2]) for pose in poses]
+    if not depths:
+        return 0.0
+    return float(max(camera.pixel_pitch_mm)) / camera.image_distance_mm * float(np.median(depths))
+
+
+def unseen_mm(camera: Camera, solid: Solid, poses: Sequence[Array]) -> float:
+    """Return the largest break that images from poses (4, 4) do not show, mm."""
+    return min(UNSEEN_PX * pixel_mm(camera, solid, poses), MOST_UNSEEN_MM)
+
+
 def unseen_breaks(
     results: Mapping[str, Result],
     states: Mapping[str, EdgeState],
@@ -548,7 +574,8 @@ def edges_text(
     worst = results[max(wider, key=lambda name: wider[name] / results[name].expanded_uncertainty)]
     text = (
         f"U holds for that. Images may not show breaks of up to {unseen.limit_mm:.2g} mm: with them, U of "
-        f"{worst.name} is {wider[worst.name]:.2g} {worst.unit}, not {worst.expanded_uncertainty:.2g} {worst.unit}"
+        f"{worst.name} is {digits_text(wider[worst.name], 2)} {worst.unit}, "
+        f"not {digits_text(worst.expanded_uncertainty, 2)} {worst.unit}"
     )
     if unseen.open_decisions:
         names = ", ".join(unseen.open_decisions[:4]) + ", ..." * (len(unseen.open_decisions) > 4)

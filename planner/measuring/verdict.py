@@ -521,7 +521,7 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
     chi2 = distance_of(estimate.mean[:POSE], task.prior[:POSE, :POSE])
     if not attempt.convincing:
         raise NotRegisteredError(
-            f"only {100 * attempt.share:.0f} % of the part's visible edges were found where it has them",
+            _found_text(attempt.share),
             _dark_text(scans),
             _counts(_states(attempt, np.any(attempt.agreeing, axis=0))["state"]),
         )
@@ -557,10 +557,19 @@ def _counts(states: NDArray[np.int64]) -> dict[str, int]:
     return {text: n for text, n in counts.items() if n}
 
 
+def _found_text(share: float) -> str:
+    """Say how much of the edges was found."""
+    percents = 100 * share
+    text = f"only {percents:.0f} %" if percents >= 0.5 else "none"
+    return f"{text} of the part's visible edges were found where the model has them"
+
+
 def _dark_text(found: list[ImageScan]) -> str:
     """Say how much of the edges the light does not show, if that is much; empty otherwise."""
     dark = np.all([scan.state == State.WEAK for scan in found], axis=0).mean()
-    return f"{100 * dark:.0f} % lack contrast" if dark >= MUCH_DARK else ""
+    if dark < MUCH_DARK:
+        return ""
+    return "they lack contrast" if dark > 0.995 else f"{100 * dark:.0f} % lack contrast"
 
 
 def _little_known(covariance: Array, prior: Array) -> tuple[str, ...]:

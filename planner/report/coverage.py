@@ -10,9 +10,8 @@ import itertools
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from errors.measurands import Position
 from planner.request.dimension import POSITIONS, zone_text
-from planner.request.targets import Target
+from planner.request.targets import Target, targets_of
 from planner.request.words import tolerance_text
 from planner.text_table import count
 
@@ -130,12 +129,46 @@ def _of_targets(
         str(plan.uninspectable[member]) for member in members if member in plan.uninspectable
     ]
     texts += dict.fromkeys(reasons)
+    apart = [joined_settings(plan, member) for member in members if member not in settings]
+    if any(apart):
+        shown = ", ".join(map(str, sorted(set(itertools.chain.from_iterable(apart)))))
+        texts.append(f"settings {shown} show its rim and datums apart, so measure may read it")
     if set(plan.unlit) & set(members):
         texts.append("no lamp shows it")
     boxes = boxes_of(plan.targets[members[0]])
     if len(members) > 1:
         boxes[0] = f"{len(members)}× {boxes[0]}"
     return Covered(mark, _CLASSES[mark], name, boxes, "; ".join(texts))
+
+
+def joined_settings(plan: InspectionPlan, name: str) -> list[int]:
+    """Return the numbers, from 1, of settings that together show the rim and datums of a position which none inspects.
+
+    From registered images of these, `planner.measure` reads the position. A plan promises nothing of it, because its
+    probability is that of two components over several poses.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    name : str
+        Name of a target.
+
+    Returns
+    -------
+    list of int
+        Empty if it is no position, or an entity is in no setting.
+    """
+    target = plan.targets[name]
+    if target.kind not in POSITIONS:
+        return []
+    shown: dict[str, int] = {}
+    for number, setting in enumerate(plan.settings, start=1):
+        here = targets_of(plan.targets, setting)
+        for entity in itertools.chain(*(here[other].entities for other in setting.entities)):
+            shown.setdefault(entity, number)
+    numbers = {shown.get(entity, 0) for entity in target.entities}
+    return [] if 0 in numbers or len(numbers) < 2 else sorted(numbers)
 
 
 def boxes_of(target: Target) -> list[str]:
@@ -149,17 +182,21 @@ def boxes_of(target: Target) -> list[str]:
     Returns
     -------
     list of str
-        Symbol; value with its tolerance, or zone; and the entities of each datum in its order.
+        Symbol; value with its tolerance, or zone; and the datums in their order.
     """
     symbol = _SYMBOLS.get(target.kind, target.kind.replace("_", " "))
     if target.kind not in POSITIONS or target.tolerance is None:
         tolerance = "" if target.tolerance is None else f" {tolerance_text(target.tolerance)}"
         unit = "°" if target.unit == "deg" else ""
         return [symbol, f"{target.nominal:.6g}{unit}{tolerance}"]
+    return [symbol, zone_of(target), *target.datum_names]
+
+
+def zone_of(target: Target) -> str:
+    """Return the zone of a position with its material condition, such as ⌀0.2 (M)."""
+    assert target.tolerance is not None, "a position has a zone"
     condition = "" if target.material is None else f" ({target.material.condition})"
-    zone = f"{zone_text(target.kind, target.tolerance[1])}{condition}"
-    assert isinstance(target.measurand, Position), "positions have datums"
-    return [symbol, zone, *target.measurand.datum_names(target.entities)]
+    return f"{zone_text(target.kind, target.tolerance[1])}{condition}"
 
 
 def verdict_text(rows: Iterable[Covered]) -> str:

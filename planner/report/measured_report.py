@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,7 +34,15 @@ from planner.measuring.samples import STATE_TEXTS, State
 from planner.report.tables import CellLine
 from planner.request.dimension import POSITIONS
 from planner.request.edge_state import UNSTATED_MM
-from planner.text_table import Column, Table, print_table, print_text, words
+from planner.text_table import (
+    Column,
+    Table,
+    digits_text,
+    enumerated,
+    print_table,
+    print_text,
+    words,
+)
 
 # The table of measured values for the terminal.
 
@@ -52,11 +60,9 @@ def print_results(results: MeasurementResults) -> None:
     )
     print_table(columns, [_row(result) for result in results])
     names = [result.name for result in results]
+    for reason, targets in _reasons(results).items():
+        print_text(words(f"not measured: {enumerated(targets)}: {reason}", names))
     for result in results:
-        if result.reason:
-            print_text(words(f"not measured: {result.name}: {result.reason}", names))
-        if result.advice and result.advice not in result.reason:
-            print_text(words(f"{result.name}: {result.advice}", names))
         for note in result.notes:
             print_text(words(f"{result.name}: {note}", names))
     for note in image_notes(results):
@@ -69,9 +75,42 @@ def image_notes(results: MeasurementResults) -> Iterable[str]:
     if results.edges:
         yield f"edges: {results.edges}"
     for note in results.notes:
-        yield f"note: {note}"
-    for name, why in results.failed.items():
-        yield f"{name} cannot be registered: {why}"
+        image, _, text = note.partition(": ")
+        if text.rpartition(": ")[2] not in results.failed.get(image, ""):
+            yield f"note: {note}"
+    for why, images in _by_text(results.failed).items():
+        yield f"{enumerated(images)} cannot be registered: {why}"
+
+
+def _reasons(results: MeasurementResults) -> dict[str, list[str]]:
+    """Return why targets are not measured, with what to change; those of a reason together.
+
+    What is wrong with images that cannot be registered is said once, of the images.
+    """
+    texts = {}
+    for result in results:
+        text = _short_reason(result, results)
+        if text == result.reason and result.advice not in text:
+            text += f"; {result.advice}"
+        if text:
+            texts[result.name] = text
+    return _by_text(texts)
+
+
+def _short_reason(result: Result, results: MeasurementResults) -> str:
+    """Return why a target is not measured, without what is said of its images; empty if it is measured."""
+    images = sorted({reading.image for reading in result.readings})
+    if not result.reason or not images or not set(images) <= set(results.failed):
+        return result.reason
+    return f"{enumerated(images)} {'is' if len(images) == 1 else 'are'} not registered"
+
+
+def _by_text(texts: Mapping[str, str]) -> dict[str, list[str]]:
+    """Return names by what is said of them."""
+    groups: dict[str, list[str]] = {}
+    for name, text in texts.items():
+        groups.setdefault(text, []).append(name)
+    return groups
 
 
 def _row(result: Result) -> tuple[str, ...]:
@@ -272,7 +311,7 @@ def value_bar(result: Result, rule: DecisionRule) -> ValueBar | None:
             if math.isfinite(limit)
         ]
     return ValueBar(
-        f"{result.name}: deviation {_minus(f'{result.deviation:+.4g}')} ± {expanded:.2g}",
+        f"{result.name}: deviation {_minus(f'{result.deviation:+.4g}')} ± {digits_text(expanded, 2)}",
         bands,
         at(0.0),
         at(result.deviation - expanded),
@@ -475,7 +514,7 @@ def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
         bar = value_bar(result, results.rule)
         lines = [] if bar is None else [CellLine(render_macro("planner", _PICTURES, "value", bar))]
         if result.reason:
-            lines.append(CellLine(result.reason, "note"))
+            lines.append(CellLine(_short_reason(result, results), "note"))
         decision = CellLine(result.decision.value, _CLASSES[result.decision])
         link = (_anchor(result, results), result.name)
         value, uncertainty = value_texts(result)

@@ -14,8 +14,10 @@ from errors.checks import interval_text, probability_text
 from errors.measurands import DecisionRule, Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.geometry import is_short
 from planner.light.light_plan import WHITE_SHARE, Exposure, exposure_of
+from planner.measuring.foreseen import Foreseen, surest
 from planner.measuring.results import decimals_of, rounded_up
 from planner.progress import TimeLeft, report
+from planner.report.coverage import zone_of
 from planner.report.figure import color_of, drawn
 from planner.report.predicted_image import PictureMaker
 from planner.report.tables import (
@@ -40,11 +42,11 @@ from planner.report.wording import (
     surfaces_sources,
     white_text,
 )
-from planner.request.dimension import is_one_sided
+from planner.request.dimension import POSITIONS, is_one_sided
 from planner.request.targets import targets_of, words_of
 from planner.request.words import deviation_text, tolerance_text
 from planner.rows import Row, split_rows
-from planner.text_table import Column, Table
+from planner.text_table import Column, Table, digits_text
 from planner.verify.setting_record import Measurement, measurements
 
 if TYPE_CHECKING:
@@ -373,12 +375,12 @@ def _row(plan: InspectionPlan, k: int, name: str, measurement: Measurement) -> l
     return [
         [CellLine(name), CellLine(f"{_what(dimension)}{alone}", "note")],
         _nominal(dimension),
-        unbroken(f"{expanded:.3g} {dimension.unit}"),
+        unbroken(f"{digits_text(expanded, 3)} {dimension.unit}"),
         _ratio(dimension, expanded),
         _permitted(dimension, measurement),
         [k + 1],
         _probability(plan, k, name),
-        f"{measurement.standard_uncertainty:.3g}",
+        digits_text(measurement.standard_uncertainty, 3),
         _budget(dimension, measurement),
         _accepted(dimension, measurement.standard_uncertainty),
         measurement.binding,
@@ -401,12 +403,12 @@ def _split_row(plan: InspectionPlan, row: Row) -> list[Any]:
     return [
         [CellLine(row.name), CellLine(_what(dimension), "note")],
         _nominal(dimension),
-        unbroken(f"{expanded:.3g} {dimension.unit}"),
+        unbroken(f"{digits_text(expanded, 3)} {dimension.unit}"),
         _ratio(dimension, expanded),
         [CellLine(unbroken(f"±{dimension.permitted_error:.4g} {dimension.unit}"))],
         [first + 1, second + 1],
         promise,
-        f"{row.standard_uncertainty:.3g}",
+        digits_text(row.standard_uncertainty, 3),
         [],
         _accepted(dimension, row.standard_uncertainty),
         "both entities together",
@@ -433,7 +435,7 @@ def _permitted(dimension: PlannedDimension, measurement: Measurement) -> list[Ce
     """Return the permitted error, in the image too, and its share of the tolerance."""
     lines = [CellLine(unbroken(f"±{dimension.permitted_error:.4g} {dimension.unit}"))]
     if measurement.permitted_error_px is not None:
-        lines.append(CellLine(unbroken(f"{measurement.permitted_error_px:.3g} px")))
+        lines.append(CellLine(unbroken(f"{digits_text(measurement.permitted_error_px, 3)} px")))
     if dimension.share_text:
         lines.append(CellLine(unbroken(dimension.share_text), "note"))
     return lines
@@ -443,6 +445,8 @@ def _nominal(dimension: PlannedDimension) -> list[CellLine]:
     text = f"{dimension.nominal:.6g} {dimension.unit}"
     if dimension.tolerance is None:
         return [CellLine(text)]
+    if dimension.kind in POSITIONS:
+        return [CellLine(" | ".join((zone_of(dimension), *dimension.datum_names)))]
     lower, upper = dimension.tolerance
     if is_one_sided(dimension.tolerance) or lower == -upper:
         return [CellLine(text), CellLine(tolerance_text(dimension.tolerance))]
@@ -500,6 +504,42 @@ def budgets_table(plan: InspectionPlan) -> Table | None:
     return Table(columns, rows, "budgets", "stack", notes=notes)
 
 
+def foreseen_table(plan: InspectionPlan, foreseen: Sequence[Foreseen]) -> Table | None:
+    """Return U of each dimension as planned, and as `measure` will state it; nothing where edges are stated.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    foreseen : sequence of Foreseen
+        What `measure` will state.
+    """
+    rows: list[list[Any]] = []
+    best = surest(foreseen)
+    for name in (name for name in plan.entities if name in best):
+        row = best[name]
+        if row.limit_mm <= 0:
+            continue
+        setting = plan.settings[row.setting]
+        planned = measurements(plan, setting)[name].expanded_uncertainty
+        amounts = (planned, row.expanded_uncertainty, row.unseen_uncertainty)
+        open_text = "open" if row.is_open else ""
+        texts = [f"{amount:.2g} {plan.dimensions[name].unit}" for amount in amounts]
+        rows.append([name, [row.setting + 1], f"{setting.promise[name]:.4f}", *texts, open_text])
+    if not rows:
+        return None
+    columns = [
+        Column("Dimension"),
+        Column("Setting", kind="settings"),
+        Column("P", right=True),
+        Column("U as planned", right=True),
+        Column("U of measure", right=True),
+        Column("U with unseen breaks", right=True),
+        Column("A nominal part"),
+    ]
+    return Table(columns, rows, "foreseen", "stack")
+
+
 def _percent_text(percent: float) -> str:
     """Return a share; nothing of a source that does not count."""
     return f"{percent:.1f}" if percent else ""
@@ -526,6 +566,9 @@ def _budget(dimension: PlannedDimension, measurement: Measurement) -> list[Share
 def _accepted(dimension: PlannedDimension, u: float) -> list[CellLine]:
     if dimension.tolerance is None:
         return [CellLine("no tolerance stated")]
+    if dimension.kind in POSITIONS:
+        # its two components are decided together: limits of their length would refuse a perfect part
+        return [CellLine("decided in a disc")]
     rule = DecisionRule.iso14253()
     limits = acceptance_limits(dimension.tolerance, u, rule)
     if limits is None:

@@ -31,7 +31,7 @@ from planner.request.camera_limits import (
 from planner.request.targets import targets_of, words_of
 from planner.rows import Row, split_rows
 from planner.sensor_setting import kind_of
-from planner.text_table import Column, Table
+from planner.text_table import Column, Table, digits_text
 from planner.verify.simulate_setting import (
     CONFIRMED,
     CONSERVATIVE,
@@ -178,7 +178,7 @@ def _result(
         row.kind.replace("_", " "),
         f"{row.nominal:.6g} {row.unit}",
         permitted(row, plan.targets[row.name]),
-        f"{expanded:.3g} {row.unit}",
+        f"{digits_text(expanded, 3)} {row.unit}",
         _percent(expanded / row.permitted_error),
         settings,
         *promised.cells(row.promise, row.probability),
@@ -210,9 +210,11 @@ def warned(row: Row) -> str:
 
 def permitted(row: Row, target: Target) -> str:
     """Return the permitted error, its size in the image, and its share of the tolerance if there is one."""
-    more = [] if row.permitted_error_px is None else [f"{row.permitted_error_px:.3g} px"]
+    more = (
+        [] if row.permitted_error_px is None else [f"{digits_text(row.permitted_error_px, 3)} px"]
+    )
     more += [target.share_text] if target.share_text else []
-    text = f"±{row.permitted_error:.3g} {row.unit}"
+    text = f"±{digits_text(row.permitted_error, 3)} {row.unit}"
     return f"{text} ({', '.join(more)})" if more else text
 
 

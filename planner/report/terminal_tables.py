@@ -12,6 +12,7 @@ import numpy as np
 from aspectgraph import EntityAspectGraph
 from aspectgraph.dimensions.geometric import entity_text
 from errors.checks import frequency_text, interval_text, probability_text
+from planner.measuring.foreseen import Foreseen
 from planner.optics import PosePrediction, PosesPrediction
 from planner.plan import InspectionPlan
 from planner.progress import visible
@@ -49,6 +50,7 @@ from planner.text_table import (
     Column,
     WholePieces,
     count,
+    digits_text,
     listed,
     print_table,
     print_text,
@@ -217,10 +219,11 @@ def _dimension_row(dimension: Any) -> tuple[Any, ...]:
     return (dimension.name, kind, nominal, tolerance, dimension.n_features, entities)
 
 
-def print_plan(plan: InspectionPlan) -> None:
+def print_plan(plan: InspectionPlan, foreseen: Sequence[Foreseen] = ()) -> None:
     """Print the plan: settings, what each measures and how surely, and what cannot be inspected.
 
-    Of the margins of a setting only the tightest is shown; plan.json and the report hold all.
+    Of the margins of a setting only the tightest is shown; plan.json and the report hold all. Where edges are not
+    stated, it says what `measure` will state, if that is foreseen.
     """
     names = list(plan.entities)
     columns = (
@@ -250,7 +253,7 @@ def print_plan(plan: InspectionPlan) -> None:
     if plan.not_planned:
         print_text(f"drawing: {verdict_text(coverage(plan))}")
     _print_not_inspected(plan)
-    for text in _notes(plan):
+    for text in _notes(plan, foreseen):
         print_text(words(text, names), indent="  ")
 
 
@@ -296,7 +299,7 @@ def _exposed(exposure: Exposure | None, camera: Camera) -> str:
     return f"{place} ({column}, {row}) has {white_text(exposure.share, camera)}"
 
 
-def _notes(plan: InspectionPlan) -> list[str]:
+def _notes(plan: InspectionPlan, foreseen: Sequence[Foreseen]) -> list[str]:
     """Return what else to know of a plan: what is not shown, lines near others, the state of edges."""
     texts = []
     images = None if plan.simulation is None else plan.simulation.shown
@@ -308,7 +311,7 @@ def _notes(plan: InspectionPlan) -> list[str]:
         texts.append(text)
     if text := near_lines_text(plan):
         texts.append(text)
-    if text := edges_text(plan):
+    if text := edges_text(plan, foreseen):
         texts.append(f"edges: {text}")
     return texts
 
@@ -610,8 +613,8 @@ def _predicted_row(pose: str, name: str, target: PosePrediction) -> tuple[str, .
         pose,
         name,
         f"{target.nominal:.6g} {unit}",
-        f"{target.permitted_error:.3g} {unit}",
-        f"{target.expanded_uncertainty:.3g} {unit}",
+        f"{digits_text(target.permitted_error, 3)} {unit}",
+        f"{digits_text(target.expanded_uncertainty, 3)} {unit}",
         probability_text(target.probability),
         probability_text(target.p_all),
     )
@@ -633,9 +636,9 @@ def _grouped(short: Mapping[str, PosePrediction], required: float) -> list[tuple
         text = key
         if len(stated) == len(names):
             text = why_missed(key, min(stated))
-            if f"{max(stated):.3g}" != f"{min(stated):.3g}" and " by " in text:
+            if digits_text(max(stated), 3) != digits_text(min(stated), 3) and " by " in text:
                 head, _, unit = text.rpartition(" ")
-                text = f"{head} to {max(stated):.3g} {unit}"
+                text = f"{head} to {digits_text(max(stated), 3)} {unit}"
         lines.append((text, names))
     return lines
 

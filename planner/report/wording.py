@@ -16,6 +16,7 @@ from errors.checks import percent_text
 from errors.measurands.measurand import COVERAGE
 from planner.camera.response import Response
 from planner.detectability.image_check import MOST_PX
+from planner.measuring.foreseen import Foreseen, surest
 from planner.progress import duration
 from planner.request.camera_limits import LEAST_SIGMAS, corner_margin_px
 from planner.request.constraints import limit_sentences
@@ -23,7 +24,7 @@ from planner.request.dimension_files import SURFACES_MM
 from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState, largest_shift, value_sigma
 from planner.request.targets import words_of
 from planner.rows import unshown_warning
-from planner.text_table import count
+from planner.text_table import count, digits_text
 from planner.verify.setting_record import measurements, search_windows_px
 from planner.verify.simulate_setting import (
     CONFIRMED,
@@ -99,7 +100,12 @@ def bound_sentence(
     proof = (
         f"Every plan that inspects {these} under this request has at least {count(bound, place)}"
     )
-    return f"Proven lower bound{scope}: {bound}. {proof}."
+    return f"Proven lower bound{scope}: {bound}. {proof}{_whole_bound_text(plan)}."
+
+
+def _whole_bound_text(plan: InspectionPlan) -> str:
+    """Say what is proven of plans that measure each target in one image; nothing where that is no more."""
+    return f", and at least {plan.whole_bound} without split values" if plan.whole_bound else ""
 
 
 def dark_note(plan: InspectionPlan) -> str:
@@ -169,10 +175,20 @@ def registration_text(plan: InspectionPlan) -> str:
     return f"poses are known to {sigmas[:3].max():g} mm and {sigmas[3:].max():g} rad when values are read"
 
 
-def edges_text(plan: InspectionPlan) -> str:
+_STATE_EDGES = "State the edges: --edges sharp, or edge_break_mm"
+
+
+def edges_text(plan: InspectionPlan, foreseen: Sequence[Foreseen] = ()) -> str:
     """Say by how much edges are taken to be broken, and what a break would do where none is stated.
 
     Empty where it does not matter: without dimensions, and where points lie on whole pixels and nothing is stated.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    foreseen : sequence of Foreseen
+        What `measure` will state, see `planner.measuring.foreseen`.
     """
     stated = {
         name: EdgeState(*target.edge_break_mm, True)
@@ -183,13 +199,19 @@ def edges_text(plan: InspectionPlan) -> str:
     if part is not None and plan.dimensions:
         stated = {"": EdgeState(*part, True)} | stated
     texts = [f"{name}: {state}" if name else str(state) for name, state in stated.items()]
-    if text := unstated_edges_text(plan):
+    if text := unstated_edges_text(plan, foreseen):
         texts.append(text)
     return "; ".join(texts)
 
 
-def unstated_edges_text(plan: InspectionPlan) -> str:
-    """Say what a break would do to the worst of the dimensions that are planned as sharp; empty without any."""
+def unstated_edges_text(plan: InspectionPlan, foreseen: Sequence[Foreseen] = ()) -> str:
+    """Say what a break would do to the worst of the dimensions that are planned as sharp; empty without any.
+
+    Parameters
+    ----------
+    plan, foreseen
+        As of `edges_text`.
+    """
     if plan.request.edge_break_mm is not None or plan.request.localisation.model == "rounding":
         return ""
     worst = None
@@ -203,14 +225,39 @@ def unstated_edges_text(plan: InspectionPlan) -> str:
     if worst is None:
         return ""
     _, target, shift, expanded = worst
+    moved = (
+        f"planned as sharp; a break of {TYPICAL_BREAK_MM:g} mm would move {target.name} by up to "
+        f"{digits_text(shift, 2)} {target.unit}, its U is {digits_text(expanded, 2)} {target.unit}"
+    )
+    if text := _foreseen_text(plan, foreseen):
+        return f"{moved}. {text}. {_STATE_EDGES}"
     assumed = EdgeState()
     measured = math.hypot(expanded, COVERAGE * value_sigma(target.measurand, assumed))
     return (
-        f"planned as sharp; a break of {TYPICAL_BREAK_MM:g} mm would move {target.name} by up to {shift:.2g} "
-        f"{target.unit}, its U is {expanded:.2g} {target.unit}. 'measure' assumes breaks of up to {assumed.high_mm:g} "
-        f"mm where none is stated. Its U is then about {measured:.2g} {target.unit}, and less where the image tells "
-        "how the light falls. State the edges: --edges sharp, or edge_break_mm"
+        f"{moved}. 'measure' assumes breaks of up to {assumed.high_mm:g} mm where none is stated. Its U is then at "
+        f"most about {digits_text(measured, 2)} {target.unit}, and less where the image tells how the light falls. "
+        f"{_STATE_EDGES}"
     )
+
+
+def _foreseen_text(plan: InspectionPlan, foreseen: Sequence[Foreseen]) -> str:
+    """Say which U `measure` will state where edges are not stated, of the target that suffers most."""
+    rows = [row for row in surest(foreseen).values() if row.limit_mm > 0]
+    if not rows:
+        return ""
+    worst = max(rows, key=lambda row: row.unseen_uncertainty / row.expanded_uncertainty)
+    unit = plan.dimensions[worst.name].unit
+    unseen = digits_text(worst.unseen_uncertainty, 2)
+    text = (
+        f"'measure' assumes breaks of up to {EdgeState().high_mm:g} mm where none is stated: its U of {worst.name} "
+        f"will be about {digits_text(worst.expanded_uncertainty, 2)} {unit}. Images may not show breaks of up to "
+        f"{digits_text(worst.limit_mm, 2)} mm: with them, this U is about {unseen} {unit}"
+    )
+    undecided = sum(row.is_open for row in rows)
+    if undecided:
+        count_of = f"{undecided} of {len(rows)} dimensions"
+        text += f", and it is open for {count_of} whether a nominal part conforms"
+    return text
 
 
 def promise_sentence(plan: InspectionPlan) -> str:
@@ -523,7 +570,7 @@ def brief_verdict(plan: InspectionPlan) -> str:
     head = _inspected_text(plan)
     if n and plan.request.poses is None:
         bound = f"; at least {plan.lower_bound} {'is' if plan.lower_bound == 1 else 'are'} needed"
-        head += ", proven to be the fewest" if plan.minimal else bound
+        head += ", proven to be the fewest" if plan.minimal else bound + _whole_bound_text(plan)
         if plan.unlit:
             head += f" for the {len(plan.inspected)} that poses inspect{dark_note(plan)}"
         elif not plan.complete:

@@ -282,9 +282,12 @@ class Dimension:
         Lower and upper deviation of the diameter of the hole or pin, mm, or a class such as
         ``"H7"``. The diameter is measured with the position, on the same rim.
     groups : tuple of int
-        Of a position, the number of entities of each datum: 2 of a slot, otherwise 1. Entities after
-        these are the other rims of its pattern, (0,) without a datum. Empty if each datum has one, and
-        there is no pattern.
+        Of a position, the number of entities of each datum: 2 of a slot, those of a pattern of holes,
+        otherwise 1. Entities after these are the other rims of its own pattern, (0,) without a datum.
+        Empty if each datum has one, and there is no pattern.
+    frame : tuple of str
+        Names of the datums of a position in the drawing, in their order, with those that are parallel
+        to the plane of its rim. Reports show them. Empty: reports name the entities.
 
     Raises
     ------
@@ -319,12 +322,14 @@ class Dimension:
     material: str = ""
     size: tuple[float, float] | str | None = None
     groups: tuple[int, ...] = ()
+    frame: tuple[str, ...] = ()
 
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "entities", tuple(self.entities))
         object.__setattr__(self, "alternatives", tuple(map(tuple, self.alternatives)))
+        object.__setattr__(self, "frame", tuple(map(str, self.frame)))
         self._check_requirements()
         if self.tolerance_class is not None:
             object.__setattr__(
@@ -555,7 +560,8 @@ class Dimension:
             The rim, or its id (``"r3"``). Of a slot or tab, a list of its two edges.
         datums : sequence of Target
             Entities that show the datums, in the order of the drawing. An edge shows a plane across, a rim a hole or
-            pin, a list of two edges a slot or tab. Leave out a datum that is parallel to the plane of the rim.
+            pin. A list of two edges is a slot or tab, a list of rims a pattern of holes, fitted by least squares.
+            Leave out a datum that is parallel to the plane of the rim.
         zone_mm : float
             Diameter of the zone, mm; of a slot its width.
         pattern : sequence of Target
@@ -669,10 +675,10 @@ class Dimension:
         """Return what has a place in a frame of datums."""
         check_number("zone_mm", zone_mm, _POSITIVE)
         items = [first] if kind not in _WIDTHS else list(first)
-        groups = tuple(2 if _is_pair(datum) else 1 for datum in datums)
+        groups = tuple(len(datum) if _is_several(datum) else 1 for datum in datums)
         entities = list(items)
         for datum, n in zip(datums, groups, strict=True):
-            entities += [datum] if n == 1 else list(datum)
+            entities += list(datum) if n > 1 or _is_several(datum) else [datum]
         entities += pattern
         if len(set(map(str, entities))) < len(entities):
             rule = "must differ from the rim and from each other"
@@ -810,11 +816,18 @@ class Dimension:
         return error
 
 
-def _is_pair(target: Target) -> bool:
-    """Return whether a target is the two edges of a slot, and not the two end points of one edge."""
-    if not isinstance(target, list | tuple) or len(target) != 2:
+def _is_several(target: Target) -> bool:
+    """Return whether a target is several entities, and not the two end points of one edge."""
+    if not isinstance(target, list | tuple) or not target:
         return False
+    if len(target) != 2 or any(isinstance(end, str) for end in target):
+        return True
     return not all(hasattr(end, "__len__") and len(end) == 3 for end in target)
+
+
+def _is_pair(target: Target) -> bool:
+    """Return whether a target is two entities, such as the edges of a slot, and not two end points."""
+    return _is_several(target) and len(target) == 2
 
 
 def zone_text(kind: str, zone_mm: float) -> str:
@@ -833,7 +846,7 @@ def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
         name: name
         for name in (
             *("accuracy", "share", "direction", "tolerance_class", "surfaces_mm", "places"),
-            *("material", "size"),
+            *("material", "size", "frame"),
         )
     }
     if isinstance(requirement.get("tolerance"), str):

@@ -164,7 +164,7 @@ PARALLEL = "parallel"
 
 _OPTIONS = (
     *("tolerance", "max_error", "accuracy", "share", "direction", "places", "unit", "any"),
-    *("edge_break_mm", "zone", "datums", "pattern", "material", "size"),
+    *("edge_break_mm", "zone", "datums", "pattern", "material", "size", "frame"),
 )
 # in the unit of the values, mm or degrees
 _UNITS = {"mm": 1.0, "um": 1e-3, "in": 25.4, "inch": 25.4, "deg": 1.0, "rad": 57.29577951308232}
@@ -242,21 +242,35 @@ def _with_datums(value: Any, named: Mapping[str, Any]) -> Any:
     if not (isinstance(value, Mapping) and isinstance(value.get("datums"), list)):
         return value
     datums = []
+    frame = []
     for datum in value["datums"]:
         is_name = isinstance(datum, str) and not re.fullmatch(r"[era]\d+.*", datum)
         if isinstance(datum, list) and not _is_end_points(datum):
             datums.append(list(map(_edge_number, datum)))
+            frame.append("-".join(map(_entity_text, datum)))
             continue
         if is_name and datum not in named and datum != PARALLEL:
             listed = ", ".join(map(repr, named)) or "empty"
             rule = f"must name entities, or a name in the table datums, which has {listed}"
             raise RequestError.of_rule("datums", rule, repr(datum))
         shown_by = named.get(datum, datum) if is_name else datum
+        frame.append(_entity_text(datum))
         if isinstance(shown_by, list) and not _is_end_points(shown_by):
             shown_by = list(map(_edge_number, shown_by))
         if shown_by != PARALLEL:
             datums.append(_edge_number(shown_by))
-    return {**value, "datums": datums}
+    # without a name of its own, a datum is named by its entities as everywhere
+    is_named = any(str(datum) in named for datum in value["datums"])
+    is_named &= not any(
+        isinstance(datum, list) and _is_end_points(datum) for datum in value["datums"]
+    )
+    return {**value, "datums": datums, **({"frame": frame} if is_named else {})}
+
+
+def _entity_text(stated: Any) -> str:
+    """Return what a datum of a file is called: a name or an id as it is, "e7" for the edge 7."""
+    is_edge = isinstance(stated, int) or (isinstance(stated, str) and stated.isdecimal())
+    return f"e{stated}" if is_edge else str(stated)
 
 
 def _content(path: Path) -> dict[str, Any]:
@@ -306,12 +320,12 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
     units = [name for name in _UNITS if (name in _ANGLES) == (kind == "angle")]
     if unit not in units:
         raise RequestError.of_rule("unit", f"must be one of {', '.join(units)}", repr(unit))
-    apart = ("unit", "any", "zone", "datums", "pattern", "material", "size")
+    apart = ("unit", "any", "zone", "datums", "pattern", "material", "size", "frame")
     options = {key: value[key] for key in _OPTIONS if key in value and key not in apart}
     factor = _UNITS[unit]
     if kind in POSITIONS:
         return _position(kind, entities, value, options, factor)
-    for names in (("zone", "datums"), ("material", "size")):
+    for names in (("zone", "datums"), ("material", "size"), ("frame",)):
         if any(name in value for name in names):
             raise RequestError(
                 f"{' and '.join(names)} must be those of a position. Got them for a {kind}."
@@ -350,6 +364,7 @@ def _position(
     options["material"] = value.get("material", "")
     # deviations of another diameter of the file are in mm already, and a tuple
     options["size"] = value.get("size")
+    options["frame"] = _frame(value)
     if isinstance(options["size"], list):
         options["size"] = tuple(_scaled(limit, factor) for limit in options["size"])
     if isinstance(first, list) and not _is_end_points(first):
@@ -361,6 +376,14 @@ def _position(
     else:
         position = Dimension.position(first, datums, zone_mm, pattern=pattern, **options)
     return replace(position, edge_break_mm=edge_break_mm)
+
+
+def _frame(value: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the names of the datums in the drawing; empty if none is stated."""
+    frame = value.get("frame", [])
+    if not isinstance(frame, list) or not all(isinstance(name, str) for name in frame):
+        raise RequestError.of_rule("frame", "must be a list of names of datums", repr(frame))
+    return tuple(frame)
 
 
 def _limits(stated: Mapping[str, Any]) -> list[Any]:
@@ -658,6 +681,7 @@ def _positions(
             share=share,
             alternatives=tuple(others),
             groups=stated.groups,
+            frame=stated.datums,
             **of_size,
         )
         result.append((name, item))

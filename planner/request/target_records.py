@@ -114,7 +114,8 @@ class DimensionRecord:
     surfaces_from: str
     edge_break_mm: Break | None = None
     material: MaterialCondition | None = None
-    groups: tuple[Annotated[int, Meta(ge=0, le=2)], ...] = ()
+    groups: tuple[Annotated[int, Meta(ge=0, title="must not be negative")], ...] = ()
+    frame: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.edge_break_mm is not None:
@@ -138,6 +139,7 @@ class DimensionRecord:
             target.edge_break_mm,
             target.material,
             target.groups,
+            target.frame,
         )
 
     def target(self, name: str) -> PlannedDimension:
@@ -156,6 +158,7 @@ class DimensionRecord:
             self.edge_break_mm,
             self.material,
             self.groups,
+            self.frame,
         )
         nominal = target.nominal
         if abs(nominal - self.nominal) > _SAME_NOMINAL * max(1.0, abs(nominal)):

@@ -267,6 +267,11 @@ class Target(ABC):
         return None
 
     @property
+    def datum_names(self) -> tuple[str, ...]:
+        """What its datums are called; empty of all but a position."""
+        return ()
+
+    @property
     def witness(self) -> Witness:
         """The only witness. Of a target with several, `choosing` returns one with a single witness."""
         (witness,) = self.witnesses
@@ -524,6 +529,8 @@ class PlannedDimension(Target):
         What widens the zone of a position.
     groups : tuple of int
         Number of entities of each datum of a position, see `Dimension`.
+    frame : tuple of str
+        Names of its datums in the drawing, see `Dimension`.
     surfaces_mm : float
         The same, or that of the request, once `measured_with` has stated it.
     edges : EdgeState
@@ -541,6 +548,7 @@ class PlannedDimension(Target):
     edge_break_mm: tuple[float, float] | None = None
     material: MaterialCondition | None = None
     groups: tuple[int, ...] = ()
+    frame: tuple[str, ...] = ()
     surfaces_mm: float = field(default=0.0, repr=False, kw_only=True)
     edges: EdgeState = field(default=SHARP, repr=False, kw_only=True)
 
@@ -590,6 +598,7 @@ class PlannedDimension(Target):
             dimension.edge_break_mm,
             material,
             dimension.groups,
+            dimension.frame,
         )
 
     @classmethod
@@ -761,7 +770,8 @@ class PlannedDimension(Target):
             error = f"error up to {self.permitted_error:.4g} {self.unit} ({share})"
             widened = "" if self.material is None else f" ({self.material.condition})"
             zone = zone_text(self.kind, self.tolerance[1])
-            return f"{self.kind.replace('_', ' ')} in {zone} {self.unit}{widened}", error
+            zone = " | ".join((f"{zone} {self.unit}{widened}", *self.datum_names))
+            return f"{self.kind.replace('_', ' ')} in {zone}", error
         error = f"error up to {self.permitted_error:.4g} {self.unit}"
         if self.tolerance is None:
             return nominal, error
@@ -769,6 +779,13 @@ class PlannedDimension(Target):
             return f"{nominal} {tolerance_text(self.tolerance)}", error
         share = self._share(self.tolerance)
         return f"{nominal} {tolerance_text(self.tolerance)}", f"{error} ({share})"
+
+    @property
+    def datum_names(self) -> tuple[str, ...]:
+        """Names of the datums of a position in the drawing. Without them, names of the entities that show them."""
+        if self.frame or not isinstance(self.measurand, Position):
+            return self.frame
+        return tuple(self.measurand.datum_names(self.entities))
 
     @property
     def share_text(self) -> str:
@@ -826,6 +843,7 @@ class PlannedDimension(Target):
             surfaces_from=self.surfaces_from,
             edge_break_mm=self.edge_break_mm,
             groups=self.groups,
+            frame=self.frame,
             **error,
         )
 

@@ -6,6 +6,7 @@ clearance. What is told as not reached was refused by a reason in words; only "b
 
 from planner.robotcell.arm import Joint, Robot
 from planner.robotcell.bodies import Box, Fixturing, Grip
+from planner.robotcell.camera_body import CableCapsule, CameraBody
 from planner.robotcell.cell import Cell, HeldPartCell
 from planner.robotcell.cell_light import CarriedLight, LightBox
 from planner.robotcell.collisions import Closeness
@@ -15,6 +16,8 @@ from planner.robotcell.reachability import PoseReach, Reachability
 
 __all__ = [
     "Box",
+    "CableCapsule",
+    "CameraBody",
     "CarriedLight",
     "Cell",
     "Closeness",

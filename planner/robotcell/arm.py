@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from aspectgraph.files import read_text
 from planner.argument_kinds import POSITIVE, shown
@@ -18,12 +19,15 @@ from planner.robotcell.bodies import Hull, hull_of, read_triangles, round_points
 from planner.robotcell.branches import Branches, Chain
 from planner.robotcell.redundancy import RedundantBranches, branches_of
 from planner.robotcell.urdf import (
+    COLLADA,
     JOINT_COUNTS,
     LinkShape,
     UrdfArm,
+    calibrated_text,
     carry,
     check_pose,
     check_rotations,
+    collada_points,
     compose,
     rate_of_each,
     read_urdf,
@@ -339,6 +343,8 @@ class Robot:
         bodiless_links: str | Sequence[str] = (),
         coupled: Sequence[Sequence[float]] = (),
         axis_limits: Sequence[Sequence[float]] = (),
+        calibration: str | PathLike[str] | None = None,
+        joint_offsets: Sequence[float] = (),
     ) -> Robot:
         """Read a robot.
 
@@ -352,7 +358,8 @@ class Robot:
             Link whose frame is the robot's base. Default: ``base_link``, otherwise the first link. The pendant of a
             UR shows ``base``, which is turned by 180° about z.
         packages : mapping of str to path, optional
-            Folders of the packages that ``package://`` names.
+            Folders of the packages that ``package://`` names. Default: those that hold the file, or that are next to
+            it or above.
         accelerations : float or sequence of floats, one a joint
             Largest accelerations of the joints, rad/s², which a URDF does not state.
         speeds : float or sequence of floats, one a joint, optional
@@ -364,6 +371,12 @@ class Robot:
             Axis, joint, factor: the controller counts this axis as its joint plus the factor times the other joint.
         axis_limits : sequence of (int, float, float)
             Limits of the controller's axes, where it has others: axis, least and largest angle, rad.
+        calibration : str or Path, optional
+            A file that ``ur_calibration`` writes, or another in YAML. Under ``kinematics`` it has the measured origin
+            of each joint in the link before it, by the joint or the link behind it: x, y and z in m, roll, pitch and
+            yaw in rad. They replace those of the URDF.
+        joint_offsets : sequence of float
+            What each joint is farther than its controller counts, rad: a calibration of zeros alone.
 
         Returns
         -------
@@ -383,6 +396,9 @@ class Robot:
             ) from None
         except UnicodeDecodeError:
             raise RobotError.of_rule("urdf", "must be UTF-8 text", repr(str(file))) from None
+        origins = None if calibration is None else _measured_origins(Path(calibration))
+        if origins or len(joint_offsets):
+            text = calibrated_text(text, tip, origins, joint_offsets)
         strongest = _checked_rates("accelerations", "rad/s²", accelerations)
         fastest = None if speeds is None else _checked_rates("speeds", "rad/s", speeds)
         try:
@@ -640,6 +656,25 @@ class Robot:
         return f"<Robot {self.name!r}, tip {self.tip!r}>"
 
 
+def _measured_origins(file: Path) -> dict[str, Any]:
+    """Return the origins of joints by name that a calibration file holds."""
+    try:
+        data = yaml.safe_load(read_text(file))
+    except OSError as error:
+        got = f"{str(file)!r}: {error.strerror}"
+        raise RobotError.of_rule("calibration", "must be a file that can be read", got) from None
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError):
+        raise RobotError.of_rule("calibration", "must be YAML", repr(str(file))) from None
+    kinematics = data.get("kinematics") if isinstance(data, dict) else None
+    # the digest of the arm is among its joints
+    origins = kinematics if isinstance(kinematics, dict) else {}
+    origins = {str(name): value for name, value in origins.items() if name != "hash"}
+    if not origins:
+        rule = "must hold the mapping kinematics, with an origin for each joint"
+        raise RobotError.of_rule("calibration", rule, repr(str(file)))
+    return origins
+
+
 def _values(joints: Sequence[Joint], name: str) -> np.ndarray:
     """Return one number of every joint (k,), read-only."""
     values = np.array([getattr(joint, name) for joint in joints])
@@ -717,7 +752,10 @@ def _points(
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         return signs * np.array(shape.size) / 2
     if shape.kind == "mesh":
-        corners, _ = read_triangles(_mesh_path(shape.file, folder, packages), "urdf")
+        path = _mesh_path(shape.file, folder, packages)
+        if path.suffix.lower() == COLLADA:
+            return collada_points(path.read_bytes(), path.name) * np.array(shape.size)
+        corners, _ = read_triangles(path, "urdf")
         return corners * np.array(shape.size)
     radius, *length = shape.size
     return round_points(radius, length[0] if length else 0.0)
@@ -728,16 +766,34 @@ def _mesh_path(name: str, folder: Path, packages: Mapping[str, str | PathLike[st
     scheme, _, inner_path = name.rpartition("://")
     if scheme == "package":
         package, _, inside = inner_path.partition("/")
-        if package not in packages:
+        stated = packages.get(package)
+        place = _package_beside(package, inside, folder) if stated is None else Path(stated)
+        if place is None:
             raise RobotError.of_rule(
                 "packages",
                 f"must name the folder of package {package!r}",
                 shown(sorted(packages)),
                 hint=f"the mesh {name} lies there",
             )
-        path = Path(packages[package]) / inside
+        path = place / inside
+        if not path.is_file() and (place / package / inside).is_file():
+            hint = f"the package is {place / package}"
+            got = f"the folder above it, {place}"
+            raise RobotError.of_rule(f"packages.{package}", "must be its folder", got, hint=hint)
     else:
         path = folder / inner_path
     if not path.is_file():
         raise RobotError.of_rule("urdf", f"must name meshes that exist: {name}", f"no {path}")
     return path
+
+
+def _package_beside(package: str, inside: str, folder: Path) -> Path | None:
+    """Return the folder of a package that a URDF in a folder is in, or that lies beside it or above; None without one.
+
+    Makers keep a URDF in its package, or beside it: ``package/urdf/arm.urdf``.
+    """
+    for above in (folder.resolve(), *folder.resolve().parents):
+        for place in (above / package, above):
+            if place.name == package and (place / inside).is_file():
+                return place
+    return None

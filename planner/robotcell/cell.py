@@ -13,8 +13,9 @@ from planner.argument_kinds import NOT_NEGATIVE, check_kinds, check_number, show
 from planner.exceptions import RobotError
 from planner.robotcell.arm import Robot
 from planner.robotcell.bodies import Body, Fixturing, Grip, Standing, Surface
+from planner.robotcell.camera_body import unchecked_of
 from planner.robotcell.cell_file import cell_fields
-from planner.robotcell.cell_light import CarriedLight, LightBox
+from planner.robotcell.cell_light import BACKLIGHT, CarriedLight, LightBox
 from planner.robotcell.collisions import (
     Arm,
     Closeness,
@@ -23,7 +24,6 @@ from planner.robotcell.collisions import (
     farthest_points,
 )
 from planner.robotcell.hand import (
-    FIXTURING,
     CameraInHand,
     Fittings,
     Hand,
@@ -34,6 +34,7 @@ from planner.robotcell.hand import (
     check_names,
     light_of,
     pairs_by_design,
+    part_words,
     parts_of,
 )
 from planner.robotcell.reachability import (
@@ -760,6 +761,12 @@ class Cell:
         )
 
     @property
+    def unchecked(self) -> tuple[str, ...]:
+        """What a user must know of objects whose collisions are not checked, in sentences."""
+        has_body = bool(self._fittings.camera_body)
+        return unchecked_of(self.robot.unchecked, has_camera_body=has_body)
+
+    @property
     def levers_mm(self) -> np.ndarray:
         """How far from each joint's axis (k,) a point of the arm or the camera can be, at most, mm."""
         return farthest_points(self.robot.chain, self._arm)
@@ -818,7 +825,7 @@ class Cell:
         before = stated.get("parts", {})
         names = {**before, **now["parts"]} if before else {}
         changed = [name for name in names if before.get(name) != now["parts"].get(name)]
-        words = [_named(name, before, now["parts"]) for name in changed]
+        words = [part_words(name, before, now["parts"]) for name in changed]
         if not words:
             return "something that the plan does not name"
         return " and ".join([", ".join(words[:-1]), words[-1]] if words[:-1] else words)
@@ -976,21 +983,12 @@ def _fittings(
     return Fittings(robot, tuple(camera_body), dict(obstacles or {}), clearance, light)
 
 
-def _named(name: str, before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    """Return the name of a part of the cell as its file has it, and whether it is new or gone."""
-    word = name
-    if name.startswith(FIXTURING):
-        word = f"fixturing {name.removeprefix(FIXTURING)!r}"
-    if name not in before:
-        return f"{word} (new)"
-    return word if name in now else f"{word} (gone)"
-
-
 # Which settings of a plan a robot reaches in which fixturing, and what planning asks of a cell.
 
 
 # of a cell without anything that may be touched; a file holds no infinite number
 _FAR_MM = 1e6
+_SAME_MM = 1e-3
 
 
 def reachability_of(cell: Cell, plan: Any, *, all_branches: bool = False) -> Reachability:
@@ -1002,16 +1000,46 @@ def reachability_of(cell: Cell, plan: Any, *, all_branches: bool = False) -> Rea
         for setting in plan.settings
     ]
 
+    unlit = _unlit_of(plan)
+    is_there = unlit is not None and _is_where(cell.light, plan.light.area)
+
     def hidden(fixturing: str, angle: float, row: int) -> str:
         bodies = cell.hidden_by(cam2world[row][None], segments[row], fixturing, angle)[0]
-        both = zip(plan.settings[row].entities, bodies, strict=True)
-        return next((f"{body} hides {name}" for name, body in both if body), "")
+        names = plan.settings[row].entities
+        both = zip(names, bodies, strict=True)
+        words = next((f"{body} hides {name}" for name, body in both if body), "")
+        if words or unlit is None:
+            return words
+        between, met = cell._hand.before_light(
+            cam2world[row][None], segments[row], fixturing, angle
+        )
+        # where the plan has the backlight, it has decided itself what shows
+        met |= is_there
+        for name, body, is_met in zip(names, between[0], met[0], strict=True):
+            if name not in unlit[row] and not is_met:
+                return f"the backlight is not behind {name}"
+            if name not in unlit[row] and body:
+                return f"{body} hides the backlight behind {name}"
+        return ""
 
     poses = {
         name: tuple(_in_sight(cell, cam2world, partial(hidden, name), name, all_branches))
         for name in cell.fixturings
     }
     return Reachability(names, poses)
+
+
+def _unlit_of(plan: Any) -> Sequence[Any] | None:
+    """Return what a backlight leaves dark in each setting; None of a plan that no backlight shows as outlines."""
+    light = getattr(plan, "light", None)
+    if light is None or light.kind != BACKLIGHT or light.area.on_metal:
+        return None
+    return tuple(light.unlit)
+
+
+def _is_where(light: Any, area: Any) -> bool:
+    """Return whether the light of a cell is where a plan has its backlight below the part."""
+    return isinstance(light, LightBox) and np.allclose(light.rectangle, area.outline, atol=_SAME_MM)
 
 
 def _in_sight(
@@ -1092,6 +1120,7 @@ class CellRegion:
             poses = self._cell.reach(cam2world[rows], name, angle=angle)
             rows = rows[[pose.reached for pose in poses]]
             hidden = self._cell.hidden_by(cam2world[rows], segments, name, angle) != ""
+            hidden |= self._cell._hand.before_light(cam2world[rows], segments, name, angle)[0] != ""
             seen = wanted[rows]
             for target in range(wanted.shape[1]):
                 seen[:, target] &= ~hidden[:, owner == target].any(axis=1)
@@ -1116,8 +1145,12 @@ class CellRegion:
         """Return what is known of poses (n, 4, 4) in a fixturing, with all segments (s, 2, 3) in sight."""
 
         def hidden(angle: float, row: int) -> str:
-            bodies = self._cell.hidden_by(cam2world[row][None], segments, name, angle)[0]
-            return next((f"{body} hides it" for body in bodies if body), "")
+            views = cam2world[row][None]
+            bodies = self._cell.hidden_by(views, segments, name, angle)[0]
+            between = self._cell._hand.before_light(views, segments, name, angle)[0][0]
+            words = [f"{body} hides it" for body in bodies if body]
+            words += [f"{body} hides the backlight behind it" for body in between if body]
+            return next(iter(words), "")
 
         return _in_sight(self._cell, cam2world, hidden, name, all_branches)
 

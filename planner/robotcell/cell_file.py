@@ -7,6 +7,7 @@ import os
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -19,10 +20,11 @@ from ground.convert import Meta, from_plain
 from planner.exceptions import PlannerError, RobotError
 from planner.robotcell.arm import Robot
 from planner.robotcell.bodies import Body, Box, Fixturing, Grip, mesh_of
+from planner.robotcell.camera_body import CableCapsule, CameraBody
 from planner.robotcell.cell_light import CarriedLight, LightBox
 from planner.robotcell.urdf import carry, check_pose, compose, from_rpy
 
-_INLINE = ("cam2flange", "part2base", "pose", "axis", "packages")
+_INLINE = ("cam2flange", "part2base", "pose", "axis", "packages", "cable")
 
 # The tables of a cell file; a value without a rule here is checked by what is made of it.
 
@@ -110,6 +112,39 @@ class CarriedLightTable:
 
 
 @dataclass(frozen=True)
+class CableTable:
+    """What the camera's cable may take up."""
+
+    to_mm: Any
+    radius_mm: Any
+
+    def __post_init__(self) -> None:
+        self.capsule()
+
+    def capsule(self) -> CableCapsule:
+        """Return it."""
+        return CableCapsule(self.to_mm, self.radius_mm)
+
+
+@dataclass(frozen=True)
+class CameraTable:
+    """The outside of the camera, from the catalogue or by its sizes."""
+
+    housing: Any
+    lens: Any
+    nodal_mm: Any
+    cable: CableTable | None = None
+
+    def __post_init__(self) -> None:
+        self.bodies()
+
+    def bodies(self) -> tuple[Body, ...]:
+        """Return its solids."""
+        cable = None if self.cable is None else self.cable.capsule()
+        return CameraBody(self.housing, self.lens, self.nodal_mm, cable).bodies()
+
+
+@dataclass(frozen=True)
 class AxisTable:
     """The axis of a turntable: a point, mm, and a direction."""
 
@@ -186,6 +221,8 @@ class RobotTable:
     bodiless_links: Any = None
     coupled: Any = None
     axis_limits_deg: tuple[Triple, ...] = ()
+    calibration: FileName | None = None
+    joint_offsets_deg: tuple[float, ...] = ()
 
     def robot(self, folder: Path) -> Robot:
         """Return the robot, which is read from its files."""
@@ -197,6 +234,8 @@ class RobotTable:
                 [axis, *np.radians([low, high]).tolist()]
                 for axis, low, high in self.axis_limits_deg
             ],
+            calibration=None if self.calibration is None else folder / self.calibration,
+            joint_offsets=np.radians(self.joint_offsets_deg).tolist(),
             **_stated(self, *names),
         )
 
@@ -206,6 +245,7 @@ class CellTable:
     """What a cell has, whatever its hand carries."""
 
     robot: RobotTable
+    camera: CameraTable | None = None
     camera_body: Annotated[
         tuple[BodyTable, ...], Meta(title="must be written [[camera_body]]")
     ] = ()
@@ -286,6 +326,8 @@ def _arguments(table: CameraInHandTable | PartInHandTable, folder: Path) -> dict
     """Return the arguments of a cell, but for its camera's place."""
     home = {"home": np.radians(table.home_deg)} if table.home_deg else {}
     light = {} if table.light is None else {"light": table.light.light()}
+    outside = () if table.camera is None else table.camera.bodies()
+    solids = [body.body(folder, "camera_body") for body in table.camera_body]
     return {
         "robot": table.robot.robot(folder),
         "fixturings": {
@@ -293,7 +335,7 @@ def _arguments(table: CameraInHandTable | PartInHandTable, folder: Path) -> dict
             for name, way in table.fixturings.items()
         },
         "obstacles": _bodies(table.obstacles, folder, "obstacles"),
-        "camera_body": tuple(body.body(folder, "camera_body") for body in table.camera_body),
+        "camera_body": (*outside, *solids),
         **_stated(table, "clearance_mm"),
         **light,
         **home,
@@ -351,32 +393,49 @@ def laid_cell(
     path : str or Path
         A cell file that `cell_fields` takes.
     fixturings : mapping of str to Fixturing
-        On no turntable, with boxes as obstacles.
+        Objects that the first fixturing of the file has stay as they are there; others are boxes. A turntable is
+        that of the file.
     folder : Path
         Names of other files are made relative to it.
     """
     file = Path(path)
     content = _read(file)
-    content["fixturings"] = {name: _laid(lying) for name, lying in fixturings.items()}
+    first = next(iter(content["fixturings"].values()))
+    content["fixturings"] = {name: _laid(lying, first) for name, lying in fixturings.items()}
     _name_files_from(content, file.parent, folder)
     return content
 
 
-def _laid(fixturing: Fixturing) -> dict[str, Any]:
-    boxes = {name: body for name, body in fixturing.obstacles.items() if isinstance(body, Box)}
-    return {
-        "part2base": fixturing.part2base.tolist(),
-        "obstacles": {
-            name: {"low": list(box.low), "high": list(box.high), "pose": box.pose.tolist()}
-            for name, box in boxes.items()
-        },
-    }
+_TABLE_KEYS = ("axis", "angles", "angles_deg", "turn_speed", "turn_acceleration")
+_LIGHT = "light"
+
+
+def _laid(fixturing: Fixturing, before: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a fixturing for a cell file, with what stays of one that the file had."""
+    stated: dict[str, Any] = {"part2base": fixturing.part2base.tolist()}
+    stated |= {key: before[key] for key in _TABLE_KEYS if key in before}
+    if _LIGHT in before:
+        stated[_LIGHT] = before[_LIGHT]
+    for kind in ("obstacles", "turning"):
+        bodies = {
+            name: deepcopy(before.get(kind, {}).get(name)) or _box_table(body)
+            for name, body in getattr(fixturing, kind).items()
+            if not isinstance(body, LightBox)
+        }
+        if bodies:
+            stated[kind] = bodies
+    return stated
+
+
+def _box_table(box: Any) -> dict[str, Any]:
+    return {"low": list(box.low), "high": list(box.high), "pose": box.pose.tolist()}
 
 
 def _name_files_from(content: dict[str, Any], old: Path, new: Path) -> None:
     """Make names of files that are relative to one folder relative to another one."""
-    places = [(content["robot"], "urdf")]
-    places += [(content["robot"]["packages"], key) for key in content["robot"].get("packages", {})]
+    robot = content["robot"]
+    places = [(robot, key) for key in ("urdf", "calibration") if key in robot]
+    places += [(robot["packages"], key) for key in robot.get("packages", {})]
     bodies = [*content.get("camera_body", []), *content.get("obstacles", {}).values()]
     for fixturing in content["fixturings"].values():
         for kind in ("obstacles", "turning"):

@@ -14,6 +14,7 @@ from planner.argument_kinds import POSITIVE, check_number, shown
 from planner.exceptions import RequestError, RobotError
 from planner.light_catalogue import light_facts, light_names, light_parts
 from planner.robotcell.bodies import Body, Box, hull_of
+from planner.robotcell.urdf import carry, invert
 
 # The housing around what shines has no size in the catalogue: it is as thick as the cell states. A body with a hole
 # is made of sectors, each a convex solid. They reach outwards beyond the circle, and inwards up to their chords: no
@@ -23,6 +24,8 @@ BACKLIGHT = "backlight"
 THICKNESS_MM = 20.0
 """How thick the housing of a light is around what shines, mm, where the cell does not state it."""
 _SECTORS = 8
+# a segment that is beyond the plane by less than this share of its distance from the camera lies in it
+_IN_PLANE = 1e-6
 # rings of sectors from the rim of a dome to its hole
 _BANDS = 2
 
@@ -58,6 +61,46 @@ class LightBox(Box):
     name: str = ""
 
     __repr__ = short_repr
+
+    @property
+    def rectangle(self) -> np.ndarray:
+        """Corners (4, 3) of the bright rectangle, counter-clockwise as the camera sees it, mm."""
+        x, y = self.low[:2]
+        u, v, top = self.high
+        return carry(self.pose, np.array([[x, y, top], [u, y, top], [u, v, top], [x, v, top]]))
+
+    def behind(self, eyes: np.ndarray, segments: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return where the lines of sight past segments meet the plane that shines.
+
+        Parameters
+        ----------
+        eyes : array (n, 3)
+            Positions of cameras, mm, in the frame of `pose`'s result.
+        segments : array (s, 2, 3)
+            Segments in the same frame, mm.
+
+        Returns
+        -------
+        ends : array (n, s, 2, 3)
+            The points of the plane; nan where a line of sight does not meet it from the bright side.
+        met : array of bool (n, s)
+            Whether both ends are within the bright rectangle.
+        """
+        inverse = invert(self.pose)
+        starts = carry(inverse, eyes)[:, None, None]
+        points = carry(inverse, segments.reshape(-1, 3)).reshape(1, -1, 2, 3)
+        top = self.high[2]
+        heights = starts[..., 2] - top
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = heights / (starts[..., 2] - points[..., 2])
+        # the plane is beyond the segment, which may lie in it
+        shares = np.where((heights > 0) & (shares >= 1 - _IN_PLANE), shares, np.nan)
+        ends = starts + shares[..., None] * (points - starts)
+        low = np.array(self.low[:2])
+        high = np.array(self.high[:2])
+        with np.errstate(invalid="ignore"):
+            within = ((ends[..., :2] >= low) & (ends[..., :2] <= high)).all(axis=(-2, -1))
+        return carry(self.pose, ends.reshape(-1, 3)).reshape(ends.shape), within
 
     @classmethod
     def of(cls, name: str, pose: Any, thickness_mm: float = THICKNESS_MM) -> LightBox:

@@ -192,6 +192,31 @@ class CameraInHand:
         bodies = self._all_obstacles(fixturing, angle)
         return hidden_by(bodies, part2base, cam2world[:, :3, 3], segments)
 
+    def before_light(
+        self, cam2world: np.ndarray, segments: np.ndarray, fixturing: str, angle: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return what is between segments (s, 2, 3) and the backlight, and whether that is behind them, (n, s).
+
+        It is behind them where the lines of sight past both ends meet the bright rectangle. The part itself does not
+        count as between. Without a backlight, nothing is between, and it counts as behind.
+        """
+        shape = (len(cam2world), len(segments))
+        names = np.full(shape, "", dtype=object)
+        light = _backlight_of(fixturing, self.fixturings[fixturing])
+        if light is None:
+            return names, np.ones(shape, dtype=bool)
+        lying = self.fixturings[fixturing]
+        around = {**lying.obstacles, **lying.turning}
+        lights = [name for name, body in around.items() if isinstance(body, LightBox)]
+        ends, met = light.behind(cam2world[:, :3, 3], segments)
+        part2base = self._part2base(fixturing, angle)
+        bodies = [body for body in self._all_obstacles(fixturing, angle) if body.name not in lights]
+        for row in np.flatnonzero(met.any(axis=1)).tolist():
+            eye = cam2world[row, :3, 3][None]
+            columns = np.flatnonzero(met[row])
+            names[row, columns] = hidden_by(bodies, part2base, eye, ends[row, columns])[0]
+        return names, met
+
     def still(self, fixturing: str) -> list[Standing]:
         """Return what does not turn with the part."""
         return [*self.obstacles, *self._beside[fixturing]]
@@ -414,6 +439,13 @@ class PartInHand:
             names[row] = np.where(names[row] == "", others, names[row])
         return names
 
+    def before_light(
+        self, cam2world: np.ndarray, segments: np.ndarray, fixturing: str, angle: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return that nothing is between segments (s, 2, 3) and a backlight: there is none."""
+        shape = (len(cam2world), len(segments))
+        return np.full(shape, "", dtype=object), np.ones(shape, dtype=bool)
+
     def still(self, fixturing: str) -> list[Standing]:
         """Return what stands still: obstacles and the camera."""
         return [*self.obstacles, *self._placed_camera]
@@ -504,6 +536,21 @@ def parts_of(hand: Hand, home: list[float] | None) -> dict[str, str]:
     }
 
 
+def part_words(name: str, before: Mapping[str, str], now: Mapping[str, str]) -> str:
+    """Return the name of a part of the cell as its file has it, and whether it is new or gone."""
+    word = name
+    if name.startswith(FIXTURING):
+        word = f"fixturing {name.removeprefix(FIXTURING)!r}"
+    if name not in before:
+        return f"{word} (new)"
+    return word if name in now else f"{word} (gone)"
+
+
+def has_camera_body(parts: Mapping[str, str]) -> bool:
+    """Return whether a cell states the outside of its camera, by what a plan file says of its parts."""
+    return parts.get("camera_body") != short_digest([])
+
+
 def short_digest(value: Any, digits: int = _SHORT) -> str:
     """Return the first hexadecimal digits of the SHA-256 of a plain value."""
     return hashlib.sha256(repr(value).encode()).hexdigest()[:digits]
@@ -533,6 +580,8 @@ def digest_of(
 _LEAST_LEVER_MM = 5.0
 # two places of a backlight below the part are the same within this
 _SAME_MM = 1e-6
+# bodies so near to each other at the angle 0 of a turntable touch
+_TOUCHING_MM = 0.01
 _INWARDS = 0.866
 """Cosine of the angle to the flange within which a camera would look at it."""
 
@@ -785,7 +834,8 @@ def check_part_stands_free(
         depth = sunk_mm(part, other, SKIN_MM)
         if depth > SKIN_MM:
             got = f"{depth:.3g} mm deep in {other.name}, {SKIN_MM:g} mm permitted"
-            raise RobotError.of_rule(parameter, rule, got)
+            hint = "reach --place --table NAME lays the part on a table"
+            raise RobotError.of_rule(parameter, rule, got, hint=hint)
 
 
 def check_turns_free(
@@ -805,7 +855,8 @@ def check_turns_free(
     still = [Standing(link.name, np.eye(4), link.hull) for link in arm if link.segment == 0]
     for body in turning:
         for other in (*others, *still):
-            if not fcl.collide(body.placed, other.placed):
+            # a plate may lie on its drive: what collides there is up to rounding
+            if fcl.distance(body.placed, other.placed) > _TOUCHING_MM:
                 angle = _angle_of_touch(body, other, table)
             elif body.name == "part":
                 angle = _angle_of_sinking(body, other, table)

@@ -7,7 +7,7 @@ firmly there, and what clamps it, is not computed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -19,7 +19,15 @@ from aspectgraph.solid.solid import RayScene
 from ground.short_repr import short_repr
 from planner.argument_kinds import NOT_NEGATIVE, POSITIVE, check_count, check_number, shown
 from planner.exceptions import RobotError
-from planner.robotcell.bodies import SKIN_MM, Body, Box, Fixturing
+from planner.robotcell.bodies import (
+    SKIN_MM,
+    Body,
+    Box,
+    Fixturing,
+    Standing,
+    standing_bodies,
+    sunk_mm,
+)
 from planner.robotcell.cell import Cell
 from planner.robotcell.cell_light import LightBox
 from planner.robotcell.placement import Reached, reached_in
@@ -89,13 +97,12 @@ class Side(NamedTuple):
     outline: np.ndarray
     height_mm: float
 
-    def tips_at_rad(self, posts_mm: float, stand: int) -> float:
-        """Return the least tilt of the table that tips the part over, on posts of a height or on the table, rad."""
-        support = self.stands[stand] if posts_mm else self.outline
+    def tips_at_rad(self, support: np.ndarray) -> float:
+        """Return the least tilt of the table that tips the part over, on the hull of points (n, 2) as `stands`, rad."""
         if len(support) < 3:
             return 0.0
         inward = -ConvexHull(support).equations[:, 2]
-        return float(np.arctan2(inward.min(), self.height_mm))
+        return max(0.0, float(np.arctan2(inward.min(), self.height_mm)))
 
 
 @dataclass(frozen=True)
@@ -207,9 +214,11 @@ def propose_layings(
     solid : Solid
         Its part.
     cell : Cell
-        The robot, and what stands around. Of its fixturings only the table counts.
+        The robot, and what stands around. Of its first fixturing, the table, a backlight and a turntable stay where
+        they are, with what stands still below the turntable.
     table : str
-        Name of a box with a level top, among the obstacles of the cell or of its first fixturing. It stays.
+        Name of a box with a level top, among the obstacles of the cell or the objects of its first fixturing. On a
+        turntable, it must turn with the part. The backlight of a cell file is "light".
     post_heights_mm : sequence of float
         Heights of posts to try, mm; 0: none.
     post_width_mm : float
@@ -231,7 +240,7 @@ def propose_layings(
     RequestError
         If a number breaks its rule.
     RobotError
-        If there is no such table, or the cell has a turntable, a backlight or the part in the hand.
+        If there is no such table, the turntable is tilted, or the part is in the hand.
 
     Examples
     --------
@@ -292,6 +301,32 @@ class _Table(NamedTuple):
         placed = carry(invert(self.frame), points)[:, :2]
         return bool(((placed >= self.low[:2]) & (placed <= self.high[:2])).all())
 
+    def carried(self, outline: np.ndarray) -> np.ndarray:
+        """Return corners (m, 2) of what is above the top, of the inside of a convex outline (n, 2) of the base.
+
+        The outline is cut along one side of the table after the other (Sutherland and Hodgman, 1974).
+        """
+        level = np.column_stack([outline, np.full(len(outline), self.top_mm)])
+        corners = carry(invert(self.frame), level)[:, :2]
+        for axis in (0, 1):
+            for sign, border in ((1.0, self.high[axis]), (-1.0, -self.low[axis])):
+                corners = _cut(corners, sign * corners[:, axis] - border)
+        back = np.column_stack([corners, np.zeros(len(corners))])
+        return carry(self.frame, back)[:, :2]
+
+
+def _cut(corners: np.ndarray, beyond: np.ndarray) -> np.ndarray:
+    """Return the corners (m, 2) of a convex outline (n, 2) whose height over a line (n,) is not positive."""
+    result = []
+    for k, height in enumerate(beyond.tolist()):
+        before = float(beyond[k - 1])
+        if (height > 0) is not (before > 0):
+            share = before / (before - height)
+            result.append(corners[k - 1] + share * (corners[k] - corners[k - 1]))
+        if height <= 0:
+            result.append(corners[k])
+    return np.array(result).reshape(-1, 2)
+
 
 class _Tried(NamedTuple):
     """A way that was evaluated: its draw, and what it reaches."""
@@ -323,16 +358,23 @@ class LayingSearch:
         self._plan = plan
         self._posts = Posts() if posts is None else posts
         first = _lying(cell)
-        self._stands: dict[str, Body] = {}
-        if table in first.obstacles:
-            self._stands[table] = first.obstacles[table]
-        self._table = _level_top(table, {**cell.bodies_around, **first.obstacles})
+        self._stays = _what_stays(first, table)
+        self._has_light = isinstance(cell.light, LightBox)
+        around = {**cell.bodies_around, **first.obstacles, **first.turning}
+        self._table = _level_top(table, around)
+        taken = any(name.startswith(_POST) for name in around)
+        self._post = f"{_POST} under part" if taken else _POST
         self._cell = cell.with_part(solid, check=False)
         self.sides = flat_sides(solid, self._posts.width_mm)
         if not self.sides:
             rule = "must have a flat side below its centre of mass"
             raise RobotError.of_rule("solid", rule, "none")
         self._heights = [0.0 if not height else float(height) for height in self._posts.heights_mm]
+
+    @property
+    def turns(self) -> bool:
+        """Whether the part is laid on a turntable."""
+        return self._stays.first.table is not None
 
     def run(
         self,
@@ -358,7 +400,8 @@ class LayingSearch:
             if progress is not None:
                 progress(done, draws, "ways to lay the part")
         proposals = [self._proposal((way,)) for way in _best_of_sides(tried)]
-        if most_fixturings == 2 and proposals:
+        # a backlight must be at the same position under the part in every fixturing
+        if most_fixturings == 2 and proposals and not self._has_light:
             proposals += [self._proposal(pair) for pair in _best_pairs(tried)]
         proposals.sort(key=lambda way: way.worth)
         return tuple(proposals[:_KEPT])
@@ -376,8 +419,7 @@ class LayingSearch:
         place = low + np.array([across, along]) * (self._table.high[:2] - low)
         foot = carry(self._table.frame, np.array([[*place, 0.0]]))[0]
         x, y, _ = foot.tolist()
-        tips_at = np.degrees(self.sides[number].tips_at_rad(height, stand))
-        return Laying(number + 1, 360.0 * float(turn), (x, y), height, stand, float(tips_at))
+        return Laying(number + 1, 360.0 * float(turn), (x, y), height, stand)
 
     def _varied(self, best: Sequence[_Tried], generator: np.random.Generator) -> Laying | None:
         """Return a way near one of the best; None if it is beside the table."""
@@ -397,11 +439,14 @@ class LayingSearch:
 
     def _tried(self, laying: Laying) -> _Tried | None:
         """Return what is reached of a way; None if part, post or home is not free there."""
-        fixturing = self._fixturing(laying)
-        posts = set(fixturing.obstacles) - set(self._stands)
-        feet = [_corners(fixturing.obstacles[name]) for name in posts]
+        laying = replace(laying, tips_at_deg=float(np.degrees(self._tips_at_rad(laying))))
+        posts = self._posts_of(laying)
+        feet = [post.corners() for post in posts.values()]
         if feet and not self._table.holds(np.concatenate(feet)):
             return None
+        if any(sunk_mm(*pair, SKIN_MM, SKIN_MM) > SKIN_MM for pair in self._beside(posts)):
+            return None
+        fixturing = self._fixturing(laying, posts)
         cell = self._cell.with_fixturings({laying.name: fixturing})
         if any(mm > SKIN_MM for names, mm in cell.fixture_depths(SKIN_MM) if names[1] in posts):
             return None
@@ -412,8 +457,25 @@ class LayingSearch:
         reached = reached_in(cell, self._plan)
         return None if reached is None else _Tried(laying, fixturing, reached)
 
-    def _fixturing(self, laying: Laying) -> Fixturing:
-        """Return the part as it lies, with the table where it belongs to fixturings, and its post."""
+    def _tips_at_rad(self, laying: Laying) -> float:
+        """Return at which tilt the part tips over: it may reach beyond the table, which then carries less of it."""
+        side = self.sides[laying.side - 1]
+        if laying.post_mm:
+            return side.tips_at_rad(side.stands[laying.stand])
+        turn = _turn_about_vertical(np.radians(laying.turn_deg))[:2, :2]
+        outline = side.outline[ConvexHull(side.outline).vertices]
+        carried = self._table.carried(outline @ turn.T + laying.foot_mm)
+        return side.tips_at_rad((carried - laying.foot_mm) @ turn)
+
+    def _beside(self, posts: Mapping[str, Body]) -> Iterator[tuple[Standing, Standing]]:
+        """Yield posts with what stays of the first fixturing."""
+        others = self._stays.standing
+        for post in standing_bodies(posts, "obstacle") if others else ():
+            for other in others:
+                yield post, other
+
+    def _fixturing(self, laying: Laying, posts: Mapping[str, Body]) -> Fixturing:
+        """Return the part as it lies, with the table where it belongs to fixturings, and its posts."""
         side = self.sides[laying.side - 1]
         turn = _turn_about_vertical(np.radians(laying.turn_deg))
         x, y = laying.foot_mm
@@ -422,17 +484,27 @@ class LayingSearch:
         part2base[:3, :3] = turn @ side.rotation
         foot = np.array([x, y, top + laying.post_mm])
         part2base[:3, 3] = foot - part2base[:3, :3] @ side.foot
-        bodies = dict(self._stands)
+        stays = self._stays
+        if not self.turns:
+            return Fixturing(part2base, {**stays.still, **posts})
+        turning = {**stays.turning, **posts}
+        return replace(stays.first, part2base=part2base, obstacles=stays.still, turning=turning)
+
+    def _posts_of(self, laying: Laying) -> dict[str, Box]:
+        """Return the posts of a way by name; none if the part lies on the table."""
+        if not laying.post_mm:
+            return {}
         frame = np.eye(4)
-        frame[:3, :3] = turn
-        frame[:3, 3] = x, y, top
-        if laying.post_mm:
-            half = self._posts.width_mm / 2
-            for number, (u, v) in enumerate(side.stands[laying.stand].tolist(), start=1):
-                low = (u - half, v - half, 0.0)
-                high = (u + half, v + half, laying.post_mm)
-                bodies[f"{_POST} {number}"] = Box(low, high, frame)
-        return Fixturing(part2base, bodies)
+        frame[:3, :3] = _turn_about_vertical(np.radians(laying.turn_deg))
+        frame[:3, 3] = *laying.foot_mm, self._table.top_mm
+        half = self._posts.width_mm / 2
+        posts = {}
+        stand = self.sides[laying.side - 1].stands[laying.stand]
+        for number, (u, v) in enumerate(stand.tolist(), start=1):
+            low = (u - half, v - half, 0.0)
+            high = (u + half, v + half, laying.post_mm)
+            posts[f"{self._post} {number}"] = Box(low, high, frame)
+        return posts
 
     def _proposal(self, ways: Sequence[_Tried]) -> LaidPart:
         names: list[str] = []
@@ -477,16 +549,50 @@ def _lying(cell: Cell) -> Fixturing:
     if not isinstance(first, Fixturing):
         rule = "must hold the part on a fixturing to lay it elsewhere"
         raise RobotError.of_rule("cell", rule, "a part in the hand")
-    if any(fixturing.table is not None for fixturing in cell.fixturings.values()):
-        raise RobotError.of_rule("cell", "must have no turntable to lay the part elsewhere", "one")
-    if isinstance(cell.light, LightBox):
-        raise RobotError.of_rule("cell", "must have no backlight to lay the part elsewhere", "one")
+    table = first.table
+    if table is not None and np.abs(table.direction[:2]).max() > UPRIGHT_RAD:
+        rule = "must have an upright turntable to lay the part elsewhere"
+        raise RobotError.of_rule("cell", rule, "an axis that is tilted")
     return first
 
 
-def _corners(body: Body) -> np.ndarray:
-    """Return the corners (n, 3) of a box in the base, mm."""
-    return body.corners() if isinstance(body, Box) else np.empty((0, 3))
+class _Staying(NamedTuple):
+    """What stays of the first fixturing when the part is laid elsewhere.
+
+    Attributes
+    ----------
+    first : Fixturing
+        The fixturing.
+    still, turning : dict of str to body
+        Its table and its backlight. What stands still below a turntable stays, too.
+    standing : tuple of Standing
+        Of both what is not the table.
+    """
+
+    first: Fixturing
+    still: dict[str, Body]
+    turning: dict[str, Body]
+    standing: tuple[Standing, ...]
+
+
+def _what_stays(first: Fixturing, table: str) -> _Staying:
+    """Return what stays, or raise if the part is to be laid beside its turntable."""
+    still: dict[str, Body] = dict(first.obstacles)
+    if first.table is None:
+        still = _table_and_light(first.obstacles, table)
+    elif table not in first.turning:
+        rule = "must turn with the part in the first fixturing, which is on a turntable"
+        names = ", ".join(map(repr, first.turning)) or "nothing"
+        raise RobotError.of_rule("table", rule, repr(table), hint=f"there turns {names}")
+    turning = _table_and_light(first.turning, table)
+    others = {name: body for name, body in {**still, **turning}.items() if name != table}
+    return _Staying(first, still, turning, standing_bodies(others, "obstacle"))
+
+
+def _table_and_light(bodies: Mapping[str, Body], table: str) -> dict[str, Body]:
+    return {
+        name: body for name, body in bodies.items() if name == table or isinstance(body, LightBox)
+    }
 
 
 def _level_top(name: str, obstacles: Mapping[str, Body]) -> _Table:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree
@@ -16,6 +16,7 @@ from xml.parsers import expat
 
 import numpy as np
 
+from ground.convert import from_plain
 from planner.argument_kinds import shown
 from planner.exceptions import RobotError
 
@@ -427,7 +428,7 @@ def _root(text: str) -> ElementTree.Element:
     return root
 
 
-def _check_plain_xml(text: str) -> None:
+def _check_plain_xml(text: str | bytes) -> None:
     """Raise at a DOCTYPE, before any entity is read; one within a comment is none."""
 
     def refuse(*_: object) -> None:
@@ -493,13 +494,7 @@ def _moving_joint(joint: ElementTree.Element, origin: np.ndarray, speed: float |
         raise RobotError.of_rule("urdf", rule, f"{lower:g} and {upper:g} rad", hint=hint)
     if speed is None:
         speed = _stated_speed(values, name)
-    stated = joint.find("axis")
-    text = "1 0 0" if stated is None else stated.get("xyz", "1 0 0")
-    axis = np.array(_numbers(text, 3, f"axis of joint {name!r}"))
-    length = math.sqrt(float((axis**2).sum()))
-    if length == 0:
-        raise RobotError.of_rule("urdf", f"must have an axis for joint {name!r}", text)
-    return UrdfJoint(name, origin, axis / length, lower, upper, speed)
+    return UrdfJoint(name, origin, _axis_of(joint), lower, upper, speed)
 
 
 def _stated_speed(values: Mapping[str, str], name: str) -> float:
@@ -612,3 +607,251 @@ def _end(joint: ElementTree.Element, which: str) -> str:
 
 def _listed(names: Iterable[str]) -> str:
     return "there are " + ", ".join(names)
+
+
+# A calibrated arm: measured origins of its joints, and zeros that are off.
+#
+# ``ur_calibration`` of Universal Robots writes such a file for each of its arms. The result is a
+# URDF as text again, so that everything else reads one kind of file.
+
+
+_FAR_MM = 50.0
+_FAR_RAD = 0.1
+"""What differs more from the URDF is the calibration of another arm, or in other units."""
+_ENDINGS = ("_link", "_joint")
+_UPRIGHT = 1e-9
+
+
+@dataclass(frozen=True)
+class MeasuredOrigin:
+    """The origin of a joint in the link before it, m and rad, as a URDF has it."""
+
+    x: float
+    y: float
+    z: float
+    roll: float
+    pitch: float
+    yaw: float
+
+
+def calibrated_text(
+    text: str,
+    tip: str,
+    origins: Mapping[str, Any] | None = None,
+    joint_offsets: Sequence[float] = (),
+) -> str:
+    """Return a URDF with measured origins of its joints.
+
+    Parameters
+    ----------
+    text : str
+        The URDF.
+    tip : str
+        Link that carries the camera.
+    origins : mapping of str to mapping, optional
+        By the joint or the link behind it, with or without the ending ``_link``: x, y and z, m, roll, pitch and yaw,
+        rad, as ``ur_calibration`` writes them.
+    joint_offsets : sequence of float
+        What each joint is farther than its controller counts, rad.
+
+    Raises
+    ------
+    RobotError
+        A name is no joint's, a value is missing, or the arm is another one.
+    """
+    root = _root(text)
+    chain = _Tree(root).joints_to(tip)
+    moving = [joint for joint in chain if joint.get("type") != "fixed"]
+    for name, values in (origins or {}).items():
+        parameter = f"calibration: {name}"
+        measured = from_plain(MeasuredOrigin, values, RobotError, parameter)
+        xyz = np.array([measured.x, measured.y, measured.z])
+        pose = from_rpy(_MM * xyz, np.array([measured.roll, measured.pitch, measured.yaw]))
+        joint = _joint_called(name, moving)
+        _check_near(parameter, pose, _origin(joint))
+        _set_origin(joint, pose)
+    if len(joint_offsets) not in (0, len(moving)):
+        rule = f"must have a number for each of the {len(moving)} joints"
+        raise RobotError.of_rule("joint_offsets", rule, f"{len(joint_offsets)}")
+    for joint, offset in zip(moving, joint_offsets, strict=False):
+        if not abs(offset) <= _FAR_RAD:
+            rule = f"must be at most {_FAR_RAD:g} rad"
+            raise RobotError.of_rule("joint_offsets", rule, f"{offset:g}")
+        turn = np.eye(4)
+        turn[:3, :3] = about(_axis_of(joint), float(offset))
+        _set_origin(joint, compose(_origin(joint), turn))
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _joint_called(name: str, joints: Sequence[ElementTree.Element]) -> ElementTree.Element:
+    """Return the joint that a calibration calls so; names may have a prefix."""
+    names = {name, *(f"{name}{ending}" for ending in _ENDINGS)}
+    for is_same in (str.__eq__, lambda whole, part: whole.endswith(f"_{part}")):
+        matches = [
+            joint
+            for joint in joints
+            if any(
+                is_same(stated, word)
+                for stated in (_name(joint), _end(joint, "child"))
+                for word in names
+            )
+        ]
+        if len(matches) == 1:
+            return matches[0]
+    rule = "must name joints of the arm, or the links behind them"
+    listed = _listed(_end(joint, "child") for joint in joints)
+    raise RobotError.of_rule("calibration", rule, repr(name), hint=listed)
+
+
+def _check_near(parameter: str, measured: np.ndarray, nominal: np.ndarray) -> None:
+    """Raise if a measured origin is that of another arm."""
+    apart = compose(invert(nominal), measured)
+    mm = math.sqrt(float((apart[:3, 3] ** 2).sum()))
+    turned = math.acos(max(-1.0, min(1.0, (float(np.trace(apart[:3, :3])) - 1.0) / 2.0)))
+    if mm > _FAR_MM or turned > _FAR_RAD:
+        rule = f"must be within {_FAR_MM:g} mm and {_FAR_RAD:g} rad of the URDF"
+        hint = "is it of another arm?"
+        raise RobotError.of_rule(parameter, rule, f"{mm:.3g} mm and {turned:.3g} rad", hint=hint)
+
+
+def _axis_of(joint: ElementTree.Element) -> np.ndarray:
+    """Return the unit vector (3,) of a joint's axis."""
+    stated = joint.find("axis")
+    text = "1 0 0" if stated is None else stated.get("xyz", "1 0 0")
+    axis = np.array(_numbers(text, 3, f"axis of joint {_name(joint)!r}"))
+    length = math.sqrt(float((axis**2).sum()))
+    if length == 0:
+        raise RobotError.of_rule("urdf", f"must have an axis for joint {_name(joint)!r}", text)
+    return np.asarray(axis / length)
+
+
+def _set_origin(joint: ElementTree.Element, pose: np.ndarray) -> None:
+    """Give a joint another origin."""
+    origin = joint.find("origin")
+    if origin is None:
+        origin = ElementTree.SubElement(joint, "origin")
+    origin.set("xyz", " ".join(repr(float(mm) / _MM) for mm in pose[:3, 3]))
+    origin.set("rpy", " ".join(map(repr, to_rpy(pose))))
+
+
+def to_rpy(pose: np.ndarray) -> tuple[float, float, float]:
+    """Return turns about fixed x, then y, then z, rad, of a pose (4, 4); the first is 0 where only a sum is fixed."""
+    turn = pose[:3, :3].tolist()
+    across = math.hypot(turn[0][0], turn[1][0])
+    pitch = math.atan2(-turn[2][0], across)
+    if across < _UPRIGHT:
+        return 0.0, pitch, math.atan2(-turn[0][1], turn[1][1])
+    return math.atan2(turn[2][1], turn[2][2]), pitch, math.atan2(turn[1][0], turn[0][0])
+
+
+# Meshes of COLLADA, which some makers give for the links of their arms. Links count as convex hulls,
+# so only the corners are read.
+
+
+COLLADA = ".dae"
+_UP = {
+    "X_UP": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "Z_UP": np.eye(3),
+}
+_DEEPEST = 100
+
+
+def collada_points(data: bytes, file: str) -> np.ndarray:
+    """Return the corners of a file of COLLADA, with z up, m.
+
+    The unit and the upper axis of the file are applied, as the tools of ROS do.
+
+    Parameters
+    ----------
+    data : bytes
+        The file.
+    file : str
+        Its name, for messages.
+
+    Returns
+    -------
+    array (n, 3)
+        Of all geometry in its scene.
+
+    Raises
+    ------
+    RobotError
+        If it is no such file, or its scene is empty.
+    """
+    _check_plain_xml(data)
+    root = ElementTree.fromstring(data)
+    for element in root.iter():
+        element.tag = str(element.tag).rpartition("}")[2]
+    if root.tag != "COLLADA":
+        raise RobotError.of_rule("urdf", "must hold the element COLLADA in .dae files", file)
+    unit = root.find("asset/unit")
+    metre = 1.0 if unit is None else _numbers(unit.get("meter", "1"), 1, f"unit of {file}")[0]
+    axis = root.findtext("asset/up_axis", "Y_UP").strip()
+    if axis not in _UP:
+        raise RobotError.of_rule("urdf", f"must have {', '.join(_UP)} as up_axis in {file}", axis)
+    ids = {element.get("id", ""): element for element in root.iter() if element.get("id")}
+    scene = ids.get(_target(root.find("scene/instance_visual_scene")))
+    points = [] if scene is None else list(_scene_points(scene, np.eye(4), ids, file, 0))
+    if not points:
+        raise RobotError.of_rule("urdf", "must have a scene with geometry in .dae files", file)
+    corners = np.unique(np.concatenate(points), axis=0)
+    return np.asarray(metre * np.einsum("ij,nj->ni", _UP[axis], corners))
+
+
+def _target(element: ElementTree.Element | None) -> str:
+    """Return the name that a reference of COLLADA leads to."""
+    return "" if element is None else element.get("url", "").removeprefix("#")
+
+
+def _scene_points(
+    node: ElementTree.Element,
+    pose: np.ndarray,
+    ids: Mapping[str, ElementTree.Element],
+    file: str,
+    depth: int,
+) -> Iterator[np.ndarray]:
+    """Yield corners (n, 3) of what hangs on a node whose frame (4, 4) is given."""
+    if depth > _DEEPEST:
+        raise RobotError.of_rule("urdf", "must not nest so deep in .dae files", file)
+    for child in node:
+        if child.tag in _STEPS:
+            pose = np.einsum("ij,jk->ik", pose, _step(child, file))
+        elif child.tag == "node":
+            yield from _scene_points(child, pose, ids, file, depth + 1)
+        elif child.tag == "instance_node" and _target(child) in ids:
+            yield from _scene_points(ids[_target(child)], pose, ids, file, depth + 1)
+        elif child.tag == "instance_geometry" and _target(child) in ids:
+            corners = _collada_corners(ids[_target(child)], ids, file)
+            yield np.einsum("ij,nj->ni", pose[:3, :3], corners) + pose[:3, 3]
+
+
+def _collada_corners(
+    geometry: ElementTree.Element, ids: Mapping[str, ElementTree.Element], file: str
+) -> np.ndarray:
+    """Return the corners (n, 3) of a geometry in its own frame."""
+    position = geometry.find("mesh/vertices/input[@semantic='POSITION']")
+    source = None if position is None else ids.get(position.get("source", "").removeprefix("#"))
+    text = "" if source is None else source.findtext("float_array", "")
+    count = 3 * math.ceil(len(text.split()) / 3)
+    return np.array(_numbers(text, count, f"positions of {file}")).reshape(-1, 3)
+
+
+_STEPS = {"matrix": 16, "translate": 3, "rotate": 4, "scale": 3}
+
+
+def _step(element: ElementTree.Element, file: str) -> np.ndarray:
+    """Return a transformation (4, 4) of a node of COLLADA."""
+    count = _STEPS[element.tag]
+    numbers = np.array(_numbers(element.text or "", count, f"{element.tag} of {file}"))
+    step = np.eye(4)
+    if element.tag == "matrix":
+        return numbers.reshape(4, 4)
+    if element.tag == "translate":
+        step[:3, 3] = numbers
+    elif element.tag == "scale":
+        step[:3, :3] = np.diag(numbers)
+    else:
+        length = math.sqrt(float((numbers[:3] ** 2).sum()))
+        step[:3, :3] = about(numbers[:3] / max(length, _UPRIGHT), math.radians(numbers[3]))
+    return step

@@ -183,11 +183,14 @@ class DetourEffort(NamedTuple):
         Longest piece added at a time, over the joints.
     shortcuts : int
         Pieces that a straight move may replace.
+    spare : int
+        Further trials for all ways together: those that are not found are sought on with them.
     """
 
     trials: int = 400
     step_rad: float = 0.5
     shortcuts: int = 60
+    spare: int = 24_000
 
 
 class _Roadmap:
@@ -279,6 +282,7 @@ class Detours:
         self._space = space
         self.rates = rates
         self._effort = effort or DetourEffort()
+        self._spare = self._effort.spare
         self._roadmap = _Roadmap(len(rates.speeds))
 
     def find(
@@ -291,7 +295,8 @@ class Detours:
     ) -> np.ndarray | None:
         """Return joints (m, k) from start to end, proven free in between; None if no way is found.
 
-        What earlier ways found to be free is used.
+        What earlier ways found to be free is used. As long as spare trials are left, a way is sought as
+        thoroughly without being asked.
 
         Parameters
         ----------
@@ -303,10 +308,16 @@ class Detours:
             Whether to take twelve times as many trials.
         """
         rng = np.random.default_rng(seed)
-        trials = self._effort.trials * (_THOROUGH if thorough else 1)
+        usual = self._effort.trials
+        further = usual * (_THOROUGH - 1)
         first = self._entered(np.asarray(start))
         last = self._entered(np.asarray(end))
-        if not self._connect(first, last, rng, trials):
+        self._connect(first, last, rng, usual)
+        if thorough:
+            self._connect(first, last, rng, further)
+        else:
+            self._spare -= self._connect(first, last, rng, min(further, self._spare))
+        if self._roadmap.parts[first] != self._roadmap.parts[last]:
             return None
         way = _without_repeats(self._roadmap.way(first, last, self.rates))
         way = self._shortened(way, rng)
@@ -348,8 +359,8 @@ class Detours:
         """Return whether the straight move is proven free."""
         return check_move(self._space, start, end).free
 
-    def _connect(self, start: int, end: int, rng: np.random.Generator, trials: int) -> bool:
-        """Grow the parts of two places until they are one; return whether they are."""
+    def _connect(self, start: int, end: int, rng: np.random.Generator, trials: int) -> int:
+        """Grow the parts of two places until they are one; return how many trials that took."""
         roadmap = self._roadmap
         ends = roadmap.joints[[start, end]]
         # near both ends, and every other pair of times as far as the joints go
@@ -363,7 +374,7 @@ class Detours:
         ]
         for trial in range(trials):
             if roadmap.parts[start] == roadmap.parts[end]:
-                break
+                return trial
             growing, other = (start, end) if trial % 2 else (end, start)
             low, high = boxes[trial // 2 % 2]
             node = self._grown(growing, _drawn(low, high, rng), greedy=False)
@@ -373,7 +384,7 @@ class Detours:
             met = self._grown(other, target, greedy=True)
             if met is not None and np.array_equal(roadmap.joints[met], target):
                 roadmap.link(node, met)
-        return bool(roadmap.parts[start] == roadmap.parts[end])
+        return trials
 
     def _grown(self, of_place: int, target: np.ndarray, *, greedy: bool) -> int | None:
         """Grow a place's part towards joints by one step, or on as far as it is free; return the last place."""

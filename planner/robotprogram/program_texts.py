@@ -13,383 +13,52 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from datetime import date
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from aspectgraph.entities.entity_rules import NumberText, table_text
-from planner.argument_kinds import (
-    ABOVE_0_TO_1,
-    NOT_NEGATIVE,
-    NumberRule,
-    check_count,
-    check_kinds,
-    check_number,
-    shown,
-)
+from planner.argument_kinds import check_kinds, shown
 from planner.exceptions import RequestError
 from planner.files import write_text
-from planner.robotcell.arm import ControllerAxes
-from planner.robotcell.urdf import compose, invert
+from planner.robotprogram.fanuc_text import FANUC_NAME, MOST_FANUC_LETTERS, fanuc_text
 from planner.robotprogram.program import (
-    LEAST_SPEED,
     TURNTABLE,
     FixturedTour,
     JointRates,
-    LeadingAxis,
     Move,
     RobotProgram,
-    leading_axis,
-    move_times,
     profile,
 )
-from planner.sensor_setting import image_name
-
-# What every program does, in no maker's language: moves, images, and what stands at its head.
-
-
-LEAST_SPEEDS = {"krl": 0.01}
-"""Least share of the speeds that a language can say, where that is more than `LEAST_SPEED`: KRL has whole percents."""
-
-LEAST_RATE = 1e-4
-"""Least speed, rad/s, and acceleration, rad/s², of a joint that a program states."""
-
-# controllers count milliseconds; a pulse of RAPID lasts 2000 s at most
-_LEAST_S = 0.001
-_MOST_S = {"settle_s": 3600.0, "pulse_s": 2000.0, "timeout_s": 3600.0}
-
-# how often controllers look at the camera's answer, s
-_POLL_S = 0.012
-_AT_HOME = "At home the pendant shows"
-_STILL_READY = "The camera still says that an image is taken."
-_SILENT = "The camera does not answer."
-
-NO_HOME_CHECK = "This file does not check where the robot stands: whoever drives it must."
-
-PoseNotation = Callable[[np.ndarray], str]
-"""Writes a pose (4, 4) in the words of a controller."""
-
-CAUTION = "Run at reduced speed first. Checked against the model of the cell only."
-
-
-@dataclass(frozen=True)
-class CameraSignals:
-    """How a program asks for an image, and waits for it.
-
-    Parameters
-    ----------
-    settle_s : float
-        Wait after each stop, s: 0, or from 0.001 to 3600. Programs state milliseconds.
-    trigger_output : int
-        Number of the digital output that triggers the camera.
-    ready_input : int
-        Number of the digital input at which the camera says that the image is taken.
-    pulse_s : float
-        Length of the trigger, from 0.001 to 2000 s.
-    timeout_s : float
-        The program stops if the camera is silent for longer: from 0.001 to 3600 s.
-
-    Raises
-    ------
-    RequestError
-        If a number breaks its rule.
-
-    Examples
-    --------
-    >>> from planner import CameraSignals
-    >>> CameraSignals(settle_s=1.0, trigger_output=4).ready_input
-    1
-    """
-
-    settle_s: float = 0.5
-    trigger_output: int = 1
-    ready_input: int = 1
-    pulse_s: float = 0.1
-    timeout_s: float = 10.0
-
-    def __post_init__(self) -> None:
-        for name, longest in _MOST_S.items():
-            seconds = check_number(name, getattr(self, name), NOT_NEGATIVE)
-            if seconds != 0.0 or name != "settle_s":
-                check_number(name, seconds, _from_to(_LEAST_S, longest, name == "settle_s"))
-        for name in ("trigger_output", "ready_input"):
-            check_count(name, getattr(self, name), 0, 4096)
-
-    @property
-    def longest_s(self) -> float:
-        """How long an answer is waited for from the start of the trigger, s: never less than the trigger lasts."""
-        return max(self.timeout_s, self.pulse_s)
-
-    def words(self) -> str:
-        """Return what a driver does at each image, for programs that leave it to one.
-
-        Returns
-        -------
-        str
-            In sentences.
-        """
-        return (
-            f"At each image: wait {time_text(self.settle_s)} s. Wait until input {self.ready_input} is low, then "
-            f"raise output {self.trigger_output} for {time_text(self.pulse_s)} s. Wait until the input rises, for at "
-            f"most {time_text(self.longest_s)} s. If it does not, stop."
-        )
-
-
-def _from_to(least: float, most: float, or_zero: bool) -> NumberRule:
-    text = f"must be {'0, or ' if or_zero else ''}from {least:g} to {most:g} s"
-    return NumberRule(text, lambda number: least <= number <= most)
-
-
-def check_program_speed(speed: float, language: str) -> None:
-    """Refuse a share of the speeds that a language cannot say.
-
-    Parameters
-    ----------
-    speed : float
-        The share.
-    language : str
-        Name of the format.
-
-    Raises
-    ------
-    RequestError
-        If it is too small.
-    """
-    check_number("speed", speed, ABOVE_0_TO_1)
-    slowest = LEAST_SPEEDS.get(language, LEAST_SPEED)
-    if speed < slowest:
-        rule = f"must be at least {slowest:g} for {language}"
-        raise RequestError.of_rule("speed", rule, f"{speed:g}")
-
-
-def time_text(seconds: float) -> str:
-    """Return seconds to a millisecond, without an exponent."""
-    return f"{seconds:.3f}".rstrip("0").rstrip(".")
-
-
-def rate_text(value: float, name: str) -> str:
-    """Return a speed in rad/s or an acceleration in rad/s² without an exponent.
-
-    Raises
-    ------
-    RequestError
-        If it is less than a controller drives at.
-    """
-    if value < LEAST_RATE:
-        rule = f"must be at least {LEAST_RATE:g} for the slowest joint"
-        raise RequestError.of_rule(name, rule, shown(value))
-    return f"{value:.6f}" if value >= 1.0 else f"{value:.9f}"
-
-
-@dataclass(frozen=True)
-class Drive:
-    """A straight joint move.
-
-    Attributes
-    ----------
-    joints : array (k,)
-        Where it ends, rad.
-    axes : array (k,)
-        The same as the controller counts, rad.
-    seconds : float
-        Its time.
-    lead : LeadingAxis
-        Rates of the controller's axis that turns farthest.
-    """
-
-    joints: np.ndarray
-    axes: np.ndarray
-    seconds: float
-    lead: LeadingAxis
-
-
-@dataclass(frozen=True)
-class ImageStep:
-    """An image to be taken.
-
-    Attributes
-    ----------
-    setting_idx : int
-        Index of the setting in the plan, from 0.
-    """
-
-    setting_idx: int
-
-    @property
-    def image(self) -> str:
-        """Name of the file, after the plan's setting."""
-        return image_name(self.setting_idx)
-
-    @property
-    def label(self) -> str:
-        """The name without its suffix."""
-        return self.image.rpartition(".")[0]
-
-
-def steps_of(tour: FixturedTour, program: RobotProgram) -> Iterator[Drive | ImageStep]:
-    """Yield the moves and images of a round in their order; it begins and ends at home."""
-    rates = program.rates_of(tour)
-    for stop in tour.stops:
-        yield from _drives(stop.move, rates, program.controller)
-        yield ImageStep(stop.setting_idx)
-    yield from _drives(tour.back, rates, program.controller)
-
-
-def _drives(move: Move, rates: JointRates, controller: ControllerAxes) -> Iterator[Drive]:
-    for start, end in pairwise(move.joints):
-        # a move to where the robot stands is none
-        if np.array_equal(start, end):
-            continue
-        joints = leading_axis(start, end, rates)
-        axes = controller.of(end)
-        # an axis that is coupled may turn farther than any joint, in the same time
-        farther = np.abs(axes - controller.of(start)).max() / np.abs(end - start).max()
-        lead = LeadingAxis(joints.speed * farther, joints.acceleration * farther)
-        yield Drive(end, axes, float(move_times(start, end, rates)), lead)
-
-
-def head_lines(program: RobotProgram, made: date, notation: PoseNotation) -> list[str]:
-    """Return the lines at the head of a program, without the signs of a comment.
-
-    Parameters
-    ----------
-    program : RobotProgram
-        The program.
-    made : date
-        The day.
-    notation : callable
-        Writes a pose (4, 4) as the pendant of the controller shows it.
-    """
-    lines = [
-        f"Inspection of {plain(program.part or 'a part', 80)} with {plain(program.robot, 40)}",
-        f"Made by aspectgraph on {made.isoformat()}.",
-        CAUTION,
-        *(f"Digest of the {name}: {value}" for name, value in program.digests.items()),
-        "Joints: " + ", ".join(plain(name, 40) for name in program.joint_names),
-        f"Settings: {program.n_stops}; moves take {program.seconds:.1f} s at the program's speed, "
-        f"which is {100 * program.speed:.3g} % of the joints' speeds",
-        *(_turntable_lines(program)),
-        *_axes_lines(program),
-        *_home_lines(program),
-        f"Every move keeps {program.keep_mm:g} mm to part and obstacles in the model.",
-        *pendant_lines(program, notation),
-        *(
-            f"Setting {k + 1} has another pose than in the first plan: {plain(text, 120)}"
-            for k, text in program.replaced.items()
-        ),
-        *(f"Not reached: setting {k + 1}: {plain(w, 120)}" for k, w in program.unreached.items()),
-        *(f"Warning: {plain(text, 160)}" for text in program.warnings),
-    ]
-    return lines
-
-
-def _axes_lines(program: RobotProgram) -> Iterator[str]:
-    for text in program.controller.texts():
-        yield f"{text[0].upper()}{text[1:]}."
-
-
-def _home_lines(program: RobotProgram) -> list[str]:
-    """Return what the operator must know of the start."""
-    tolerance = program.start.tolerance_rad
-    return [
-        f"Start with each axis within {tolerance:g} rad ({np.degrees(tolerance):.2g} degrees) of home. "
-        f"From there every way to home keeps {program.keep_mm:g} mm in the model.",
-        "The way to home from elsewhere is not checked: the operator drives there by hand, or looks "
-        "whether the way is free.",
-    ]
-
-
-def tolerance_deg(program: RobotProgram) -> str:
-    """Return how far an axis may be from home, in degrees, rounded down."""
-    return f"{np.floor(np.degrees(program.start.tolerance_rad) * 1e4) / 1e4:.4f}"
-
-
-def _turntable_lines(program: RobotProgram) -> Iterator[str]:
-    for tour in program.tours:
-        if tour.turntable is not None:
-            speed = np.degrees(float(tour.turntable.speeds[0]))
-            name = plain(tour.fixturing, 40)
-            yield (
-                f"Fixturing {name} is on a turntable, which turns with the robot by at most "
-                f"{speed:.1f} degrees per second. At 0 the part is put on it."
-            )
-
-
-def pendant_lines(program: RobotProgram, notation: PoseNotation) -> Iterator[str]:
-    """Yield what the pendant shows at home and at the first setting if the robot is as its model."""
-    frame = "base of the URDF" if program.pendant is None else "link 'base' of the URDF"
-    shown_in = np.eye(4) if program.pendant is None else invert(program.pendant)
-    yield f"Set no tool and no work object. Poses of the flange in the {frame}, to compare with the pendant:"
-    if program.home_flange is not None:
-        yield f"  home: {notation(compose(shown_in, program.home_flange))}"
-    for tour in program.tours[:1]:
-        stop = tour.stops[0]
-        yield f"  setting {stop.setting_idx + 1}: {notation(compose(shown_in, stop.flange))}"
-    yield "If they differ, then mastering, the base or the tool differ from the model: do not drive."
-
-
-def home_words(program: RobotProgram, notation: PoseNotation) -> str:
-    """Return what the pendant shows at home, for the message at the start of a round; empty if that is not known."""
-    if program.home_flange is None:
-        return ""
-    shown_in = np.eye(4) if program.pendant is None else invert(program.pendant)
-    return f"{_AT_HOME} {notation(compose(shown_in, program.home_flange))}."
-
-
-def quaternion_words(pose: np.ndarray) -> str:
-    """Return a pose (4, 4) as ABB's and ROS's displays do: mm, and a quaternion."""
-    x, y, z = pose[:3, 3]
-    qx, qy, qz, qw = Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True)
-    return f"x {x:.2f}, y {y:.2f}, z {z:.2f} mm, quaternion w {qw:.5f}, x {qx:.5f}, y {qy:.5f}, z {qz:.5f}"
-
-
-def rotation_vector_words(pose: np.ndarray) -> str:
-    """Return a pose (4, 4) as the pendant of a Universal Robot does: mm, and a rotation vector in rad."""
-    x, y, z = pose[:3, 3]
-    rx, ry, rz = Rotation.from_matrix(pose[:3, :3]).as_rotvec()
-    return f"X {x:.2f}, Y {y:.2f}, Z {z:.2f} mm, RX {rx:.4f}, RY {ry:.4f}, RZ {rz:.4f} rad"
-
-
-def euler_words(pose: np.ndarray) -> str:
-    """Return a pose (4, 4) as KUKA's pendant does: mm, and angles about z, the new y and the new x in degrees."""
-    x, y, z = pose[:3, 3]
-    a, b, c = Rotation.from_matrix(pose[:3, :3]).as_euler("ZYX", degrees=True)
-    return f"X {x:.2f}, Y {y:.2f}, Z {z:.2f} mm, A {a:.3f}, B {b:.3f}, C {c:.3f} degrees"
-
-
-def plain(text: str, most: int = 60) -> str:
-    """Return a name as every controller reads it: no quotes, no line breaks, ASCII, not too long."""
-    name = re.sub(r"[^A-Za-z0-9 _.,:;()+/%=-]", "_", text)
-    return name if len(name) <= most else f"{name[: most - 3]}..."
-
-
-def degrees(joints: np.ndarray) -> list[str]:
-    """Return joints in degrees with six decimals, which is less than 0.02 µrad."""
-    return [_number(value, 6) for value in np.degrees(joints)]
-
-
-def radians(joints: np.ndarray) -> list[str]:
-    """Return joints in rad with eight decimals."""
-    return [_number(value, 8) for value in joints]
-
-
-def _number(value: float, decimals: int) -> str:
-    text = f"{value:.{decimals}f}"
-    # no controller needs to read -0
-    return text.removeprefix("-") if float(text) == 0.0 else text
-
-
-def _check_six_axes(program: RobotProgram, language: str) -> None:
-    """Raise if an arm has more joints than a language drives."""
-    if len(program.joint_names) > SIX_AXES:
-        rule = f"must be rapid, ros, csv or json for an arm of {len(program.joint_names)} joints"
-        raise RequestError.of_rule("format", rule, repr(language))
-
+from planner.robotprogram.program_steps import (
+    AT_HOME,
+    LEAST_S,
+    NO_HOME_CHECK,
+    POLL_S,
+    SILENT,
+    SIX_AXES,
+    STILL_READY,
+    CameraSignals,
+    Drive,
+    ImageStep,
+    check_program_speed,
+    check_six_axes,
+    degrees,
+    euler_words,
+    head_lines,
+    home_words,
+    plain,
+    quaternion_words,
+    radians,
+    rate_text,
+    rotation_vector_words,
+    steps_of,
+    time_text,
+    tolerance_deg,
+)
 
 # KRL for KUKA controllers: point-to-point moves by axis angles.
 
@@ -398,8 +67,8 @@ _SLOW_PERCENT = 1
 
 
 _KRL_NAME = "inspection"
-# of programs of KRL
-_MOST_KRL_LETTERS = 24
+# languages whose programs have the name of their file, and its longest
+_NAMED_AS_FILES = {"krl": 24, "fanuc": MOST_FANUC_LETTERS}
 
 
 def format_of_file(path: Path, format: str | None, parameter: str) -> str:
@@ -417,7 +86,7 @@ def format_of_file(path: Path, format: str | None, parameter: str) -> str:
     Raises
     ------
     RequestError
-        If the suffix is unknown or that of another language, or KRL does not allow the file's name.
+        If the suffix is unknown or that of another language, or the language does not allow the file's name.
     """
     of_suffix = _BY_SUFFIX.get(path.suffix.lower())
     if format is None and of_suffix is None:
@@ -428,12 +97,11 @@ def format_of_file(path: Path, format: str | None, parameter: str) -> str:
     if of_suffix is not None and usual not in ("", path.suffix.lower()):
         rule = f"must end in {usual} for {language}: {path.suffix} is that of {of_suffix}"
         raise RequestError.of_rule(parameter, rule, shown(path.name))
-    if language == "krl" and not re.fullmatch(
-        rf"[A-Za-z_]\w{{0,{_MOST_KRL_LETTERS - 1}}}", path.stem, re.ASCII
-    ):
+    letters = _NAMED_AS_FILES.get(language)
+    if letters and not re.fullmatch(rf"[A-Za-z_]\w{{0,{letters - 1}}}", path.stem, re.ASCII):
         rule = (
-            f"must be named by up to {_MOST_KRL_LETTERS} letters, digits and _, not beginning with a digit: "
-            "a program in KRL has the name of its file"
+            f"must be named by up to {letters} letters, digits and _, not beginning with a digit: "
+            f"a program in {language} has the name of its file"
         )
         raise RequestError.of_rule(parameter, rule, shown(path.name))
     return language
@@ -456,7 +124,7 @@ def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
     RequestError
         If the arm has seven joints, which KRL does not drive.
     """
-    _check_six_axes(program, "krl")
+    check_six_axes(program, "krl")
     percent = max(1, math.floor(100 * program.speed + 1e-9))
     lines = [
         f"DEF {_KRL_NAME}( )",
@@ -517,7 +185,7 @@ def _krl_image(signals: CameraSignals) -> list[str]:
     """Return a subprogram that takes an image; times are in milliseconds."""
     camera = f"$IN[{signals.ready_input}]"
     trigger = f"$OUT[{signals.trigger_output}]"
-    step = round(1000 * _POLL_S)
+    step = round(1000 * POLL_S)
     pulse = round(1000 * signals.pulse_s)
     return [
         "DEF take_image( )",
@@ -529,11 +197,11 @@ def _krl_image(signals: CameraSignals) -> list[str]:
         "  waited=0",
         f"  WHILE {camera}",
         f"    IF waited>{round(1000 * signals.timeout_s)} THEN",
-        f"      ; {_STILL_READY} Start again to try once more.",
+        f"      ; {STILL_READY} Start again to try once more.",
         "      HALT",
         "      waited=0",
         "    ENDIF",
-        f"    WAIT SEC {time_text(_POLL_S)}",
+        f"    WAIT SEC {time_text(POLL_S)}",
         f"    waited=waited+{step}",
         "  ENDWHILE",
         f"  {trigger}=TRUE",
@@ -545,12 +213,12 @@ def _krl_image(signals: CameraSignals) -> list[str]:
         f"    IF {camera} THEN",
         "      is_taken=TRUE",
         "    ENDIF",
-        f"    WAIT SEC {time_text(_POLL_S)}",
+        f"    WAIT SEC {time_text(POLL_S)}",
         f"    waited=waited+{step}",
         "  ENDWHILE",
         f"  {trigger}=FALSE",
         "  IF NOT is_taken THEN",
-        f"    ; {_SILENT} Start again to try once more.",
+        f"    ; {SILENT} Start again to try once more.",
         "    HALT",
         "  ENDIF",
         "ENDWHILE",
@@ -577,8 +245,6 @@ def _home_check(home: np.ndarray, tolerance: str) -> list[str]:
 
 _NO_AXIS = "9E9"
 _N_EXTERNAL = 6
-SIX_AXES = 6
-"""Axes of the robot in a target of RAPID; a seventh one and a turntable are external axes behind them."""
 # of a YuMi, joint 3 is eax_a: its axis 7 is between axes 2 and 3
 _SEVENTH = 2
 
@@ -673,7 +339,7 @@ def _add_round(
             target = _target(step.axes, len(program.joint_names))
             targets.append(f"  CONST jointtarget {name}:={target};")
             # the controller drives in no time of 0
-            seconds = max(step.seconds, _LEAST_S)
+            seconds = max(step.seconds, LEAST_S)
             body.append(f"    MoveAbsJ {name},v1000\\T:={seconds:.3f},fine,tool0;")
         else:
             body.append(f'    TakeImage "{step.image}";')
@@ -685,8 +351,8 @@ def _home_message(program: RobotProgram) -> str:
     if not words:
         return ""
     place, turn = words.split(" mm, quaternion ")
-    place = place.removeprefix(f"{_AT_HOME} ")
-    return f'\\MsgLine2:="{_AT_HOME}"\\MsgLine3:="{place} mm,"\\MsgLine4:="{turn}"'
+    place = place.removeprefix(f"{AT_HOME} ")
+    return f'\\MsgLine2:="{AT_HOME}"\\MsgLine3:="{place} mm,"\\MsgLine4:="{turn}"'
 
 
 def _go_home(program: RobotProgram) -> list[str]:
@@ -743,10 +409,10 @@ def _take_image(signals: CameraSignals) -> list[str]:
         f"        WaitDI diCamera,1\\MaxTime:={time_text(signals.longest_s)}\\TimeFlag:=isLate;",
         "      ENDIF",
         "      IF wasReady THEN",
-        f'        UIMsgBox\\Header:=name,"{_STILL_READY}"'
+        f'        UIMsgBox\\Header:=name,"{STILL_READY}"'
         "\\Buttons:=btnRetryCancel\\Icon:=iconError\\Result:=answer;",
         "      ELSEIF isLate THEN",
-        f'        UIMsgBox\\Header:=name,"{_SILENT}"'
+        f'        UIMsgBox\\Header:=name,"{SILENT}"'
         "\\Buttons:=btnRetryCancel\\Icon:=iconError\\Result:=answer;",
         "      ENDIF",
         "      IF isLate AND answer=resCancel THEN",
@@ -954,9 +620,9 @@ def urscript_text(program: RobotProgram, signals: CameraSignals, made: date) -> 
         If the part lies on a turntable, which URScript does not drive together with the joints, or
         the arm has seven joints.
     """
-    _check_six_axes(program, "urscript")
+    check_six_axes(program, "urscript")
     if program.turns:
-        rule = "must be rapid, krl, ros, csv or json for a part on a turntable"
+        rule = "must be rapid, krl, fanuc, ros, csv or json for a part on a turntable"
         hint = "URScript drives no external axis together with the joints"
         raise RequestError.of_rule("format", rule, "'urscript'", hint=hint)
     lines = [
@@ -1005,7 +671,7 @@ def _functions(signals: CameraSignals) -> list[str]:
     camera = f"get_standard_digital_in({signals.ready_input})"
     trigger = f"set_standard_digital_out({signals.trigger_output}"
     pulse = time_text(signals.pulse_s)
-    step = time_text(_POLL_S)
+    step = time_text(POLL_S)
 
     def ask(words: str) -> str:
         return f'popup("{words} Continue: try once more.", title="inspection", error=True, blocking=True)'
@@ -1019,7 +685,7 @@ def _functions(signals: CameraSignals) -> list[str]:
         "      waited = 0",
         f"      while {camera}:",
         f"        if waited > {time_text(signals.timeout_s)}:",
-        f"          {ask(_STILL_READY)}",
+        f"          {ask(STILL_READY)}",
         "          waited = 0",
         "        end",
         f"        sleep({step})",
@@ -1039,7 +705,7 @@ def _functions(signals: CameraSignals) -> list[str]:
         "      end",
         f"      {trigger}, False)",
         "      if not is_taken:",
-        f"        {ask(_SILENT)}",
+        f"        {ask(SILENT)}",
         "      end",
         "    end",
         "  end",
@@ -1078,6 +744,7 @@ _WRITERS: dict[str, _Writer] = {
     "urscript": urscript_text,
     "rapid": rapid_text,
     "krl": krl_text,
+    "fanuc": fanuc_text,
     "ros": ros_text,
     "csv": csv_text,
     "json": _json_text,
@@ -1086,13 +753,21 @@ FORMATS = {
     "urscript": "inspection.script",
     "rapid": "inspection.mod",
     "krl": "inspection.src",
+    "fanuc": "inspection.ls",
     "ros": "inspection_ros.json",
     "csv": "inspection.csv",
     "json": "program.json",
 }
 """The formats, and the usual name of a file in each."""
 
-_BY_SUFFIX = {".script": "urscript", ".mod": "rapid", ".src": "krl", ".csv": "csv", ".json": "json"}
+_BY_SUFFIX = {
+    ".script": "urscript",
+    ".mod": "rapid",
+    ".src": "krl",
+    ".ls": "fanuc",
+    ".csv": "csv",
+    ".json": "json",
+}
 
 
 def program_text(
@@ -1109,7 +784,7 @@ def program_text(
     program : RobotProgram
         The program.
     format : str
-        "urscript", "rapid", "krl", "ros" (trajectories as JSON), "csv" or "json" (all data).
+        "urscript", "rapid", "krl", "fanuc", "ros" (trajectories as JSON), "csv" or "json" (all data).
     signals : CameraSignals, optional
         Trigger and answer of the camera. Default: output 1, input 1.
     made : datetime.date, optional
@@ -1118,7 +793,7 @@ def program_text(
     Returns
     -------
     str
-        Joints in rad, except "rapid" and "krl", which are in degrees.
+        Joints in rad, except "rapid", "krl" and "fanuc", which are in degrees.
 
     Raises
     ------
@@ -1161,7 +836,7 @@ def write_program(
     path : str or os.PathLike
         The file; an existing one is replaced.
     format : str, optional
-        As for `program_text`. Default: by the suffix .script, .mod, .src, .csv or .json.
+        As for `program_text`. Default: by the suffix .script, .mod, .src, .ls, .csv or .json.
     signals : CameraSignals, optional
         Trigger and answer of the camera.
 
@@ -1173,7 +848,7 @@ def write_program(
     Raises
     ------
     RequestError
-        If neither format nor suffix is known, they disagree, or KRL does not allow the file's name.
+        If neither format nor suffix is known, they disagree, or the language does not allow the file's name.
     OutputError
         If it cannot be written.
 
@@ -1194,5 +869,7 @@ def write_program(
     text = program_text(program, language, signals=signals)
     if language == "krl":
         text = text.replace(f"DEF {_KRL_NAME}( )", f"DEF {path.stem}( )", 1)
+    if language == "fanuc":
+        text = text.replace(f"/PROG  {FANUC_NAME}", f"/PROG  {path.stem.upper()}", 1)
     write_text(path, text)
     return path

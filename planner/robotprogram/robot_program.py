@@ -872,9 +872,9 @@ class _ProgramMaker:
         return digests
 
     def _warnings(self, tours: Sequence[FixturedTour]) -> tuple[str, ...]:
-        unchecked = self._empty_cell.robot.unchecked
+        unchecked = self._empty_cell.unchecked
         sentences = program_warnings(tours, self._plan.probability)
-        sentences = (*((f"{unchecked}.",) if unchecked else ()), *sentences)
+        sentences = (*(f"{text}." for text in unchecked), *sentences)
         changed = self._empty_cell.difference(self._plan.cell)
         if changed:
             return (f"the cell of the plan differs from the cell given, in {changed}.", *sentences)

@@ -18,7 +18,8 @@ from planner.argument_kinds import shown
 from planner.camera.pose import GivenPose
 from planner.exceptions import PoseFileError, RequestError
 from planner.robotprogram.program import FORMAT, TURNTABLE, program_of
-from planner.robotprogram.program_texts import SIX_AXES, from_rapid_order, plain
+from planner.robotprogram.program_steps import SIX_AXES, plain
+from planner.robotprogram.program_texts import from_rapid_order
 from planner.sensor_setting import setting_name
 
 if TYPE_CHECKING:
@@ -192,6 +193,45 @@ def _of_krl(path: Path, lines: _Text) -> Iterator[_Stop]:
             yield _Stop(match[1], fixturing, line, _after_move(path, line, angles))
 
 
+def _of_fanuc(path: Path, lines: _Text) -> Iterator[_Stop]:
+    positions = _fanuc_positions(path, lines)
+    remark = ""
+    angles = None
+    fixturing = ""
+    for line, text in lines:
+        statement = re.sub(r"^\s*\d+:\s*|\s*;\s*\Z", "", text)
+        if statement.startswith("!"):
+            remark = f"{remark} {statement[1:].strip()}".strip()
+        elif statement.startswith("MESSAGE"):
+            if match := re.match(r"Put the part in fixturing (.*), then start again\.", remark):
+                fixturing = match[1]
+        elif match := re.match(r"J P\[(\d+)\]", statement):
+            if match[1] not in positions:
+                _refuse(path, line, "a move must be to a position of the program", f"P[{match[1]}]")
+            angles = positions[match[1]]
+        elif match := _IMAGE.fullmatch(remark):
+            yield _Stop(match[1], fixturing, line - 1, _after_move(path, line, angles))
+        if not statement.startswith("!"):
+            remark = ""
+
+
+def _fanuc_positions(path: Path, lines: _Text) -> dict[str, tuple[float, ...]]:
+    """Return the axes of positions by their numbers, rad."""
+    positions = {}
+    number = ""
+    words: list[str] = []
+    for line, text in lines:
+        if match := re.match(r"P\[(\d+)[^\]]*\]\{", text):
+            number = match[1]
+            words = []
+        elif number and text.startswith("}"):
+            positions[number] = tuple(np.radians(_numbers(path, line, words)).tolist())
+            number = ""
+        elif number:
+            words += re.findall(r"\b[JE]\d\s*=\s*([-\d.]+)\s*deg", text)
+    return positions
+
+
 def _of_rows(path: Path, lines: _Text) -> Iterator[_Stop]:
     rows = [(line, text) for line, text in lines if text.strip() and not text.startswith("#")]
     heading = next(csv.reader([rows[0][1]]))
@@ -248,6 +288,7 @@ _READERS: dict[str, Callable[[Path, _Text], Iterator[_Stop]]] = {
     ".script": _of_urscript,
     ".mod": _of_rapid,
     ".src": _of_krl,
+    ".ls": _of_fanuc,
 }
 SUFFIXES = frozenset(_READERS)
 """Suffixes of programs of robots."""

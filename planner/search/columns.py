@@ -12,11 +12,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ground.shared import Shared
 from planner.callbacks import NOBODY, Callbacks, Checkpoint
 from planner.camera.pose import look_at, moved
 from planner.cover import exchange_columns, fractional_cover, maximal_columns
 from planner.effort import NORMAL, Effort
-from planner.executors import Shared, in_order
+from planner.executors import in_order
 from planner.request.problem import Problem
 from planner.request.reach import cells_of, visible_where
 from planner.search.evolution import triangular_factor

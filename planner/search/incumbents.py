@@ -18,10 +18,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ground.shared import Shared
 from planner.bound.lower_bound import ProvenBound, exclusion_proof
 from planner.callbacks import LEAST_SEARCH_S, NOBODY, Callbacks, Checkpoint
 from planner.cover import bound_columns, exchange_columns, greedy_cover
-from planner.executors import Shared, in_order
+from planner.executors import in_order
 from planner.identity import Request
 from planner.plan import InspectionPlan
 from planner.request.problem import Problem, witness_reasons
@@ -98,6 +99,8 @@ class PlanState:
         Targets that it was proven for.
     bound_weights : array (k,) or None
         Their weights, where such prove it; see `planner.bound.lower_bound.ProvenBound`.
+    counted : ColumnPool or None
+        Columns of which all targets have the required P_all; the settings are chosen from these.
     plan : InspectionPlan or None
         The plan, without lamps at first.
     """
@@ -116,6 +119,7 @@ class PlanState:
     proof: str = ""
     bound_of: NDArray[np.bool_] | None = None
     bound_weights: NDArray[np.float64] | None = None
+    counted: ColumnPool | None = None
     plan: InspectionPlan | None = None
 
     @classmethod
@@ -130,6 +134,7 @@ class PlanState:
             **values,
             "pools": self.pools.to_dict(),
             "weighing": None if self.weighing is None else self.weighing.to_dict(),
+            "counted": None if self.counted is None else self.counted.to_dict(),
             "uninspectable": {name: str(reason) for name, reason in self.uninspectable.items()},
             "uninspectable_kinds": kinds_record(self.uninspectable),
             "plan": None if self.plan is None else self.plan.to_dict(),
@@ -141,11 +146,13 @@ class PlanState:
         values = {entry.name: data[entry.name] for entry in fields(cls)}
         plan = data["plan"]
         weighing = data["weighing"]
+        counted = data["counted"]
         return cls(
             **{
                 **values,
                 "pools": Pools.from_dict(data["pools"]),
                 "weighing": None if weighing is None else Pools.from_dict(weighing),
+                "counted": None if counted is None else ColumnPool.from_dict(counted),
                 "uninspectable": reasons_from(data["uninspectable"], data["uninspectable_kinds"]),
                 "incompatible": tuple(data["incompatible"]),
                 "incompatible_ends": tuple(data["incompatible_ends"]),
@@ -166,6 +173,9 @@ def empty_pools(n_targets: int) -> Pools:
 
 # seconds after which the checking of poses is shown
 SILENT_S = 1.0
+# share of the solver's nodes for each cover while columns are tried. There are many, and a cover
+# that is not the best costs no more than a run of the genetic algorithm.
+REFUTING_SHARE = 0.1
 
 
 class SearchRun:
@@ -787,10 +797,9 @@ class Incumbents:
         for directions in _GLANCES if self._callbacks.wants_plans else ():
             begun = time.monotonic()
             # candidate poses make more of the time than a second glance that would take most of it
-            remaining_s = deadline.seconds_left()
-            if remaining_s is None and self.best is not None:
+            if not deadline.limited and self.best is not None:
                 break
-            if remaining_s is not None and each * directions > max(LEAST_SEARCH_S, remaining_s / 2):
+            if each * directions > deadline.glance_s():
                 break
             pool = ColumnPool(len(run.names))
             poses = first_poses(run.judge, directions, run.seed)
@@ -820,10 +829,11 @@ class Incumbents:
             took = time.monotonic() - now
             self._offer_again = now + took + max(LEAST_SEARCH_S, _OFFERS_APART * took)
 
-    def offer(self, run: SearchRun) -> None:
-        """See whether the columns of a run make a better plan."""
-        if self._callbacks.wants_plans and run.pool.membership.any() and self._is_affordable():
-            self._offer(run, run.pool)
+    def offer(self, run: SearchRun, pool: ColumnPool | None = None) -> None:
+        """See whether the columns of a run, or those of a pool, make a better plan."""
+        pool = run.pool if pool is None else pool
+        if self._callbacks.wants_plans and pool.membership.any() and self._is_affordable():
+            self._offer(run, pool)
             if self.best is not None:
                 self._callbacks.deadline.arm()
 
@@ -864,11 +874,11 @@ class Incumbents:
         if len(run.state.incompatible) > 1:
             self.on_bound(run, _of_exclusion(run, run.state.incompatible))
 
-    @property
-    def latest(self) -> InspectionPlan:
-        """The best plan, once there is one."""
-        assert self.best is not None
-        return self.best
+    def latest(self, run: SearchRun) -> InspectionPlan:
+        """Return the best plan, or one without settings if there is none yet."""
+        if self.best is not None:
+            return self.best
+        return assembled(run, [], *self.proven(run, []), unfinished=True)
 
     def publish(self, plan: InspectionPlan) -> None:
         """Take in the plan of the whole run, and tell of it."""

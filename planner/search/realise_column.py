@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ground.shared import Shared
 from planner.camera.pose import pose_between
 from planner.exceptions import InfeasibleError
-from planner.executors import Shared
 from planner.request.problem import Problem
 from planner.request.registration import PoseKnowledge
 from planner.search.columns import Judge, perturbed
@@ -527,6 +527,10 @@ class Promises:
         pose = setting.cam2world.tobytes()
         excess = {n: self._excess[pose, n, setting.probability[n]] for n in setting.entities}
         return {name: too_much for name, too_much in excess.items() if too_much > 0.0}
+
+    def largest_bound(self, name: str) -> float:
+        """Return the largest bound of P_all that was counted for an entity at any pose; 0 without one."""
+        return max((p for (_, of), (p, _) in self._bounds.items() if of == name), default=0.0)
 
     def with_bounds(self, setting: SensorSetting) -> SensorSetting:
         """Return a setting that states the P_all that was counted for its entities."""

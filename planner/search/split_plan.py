@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from errors.measurands import SplitModel
+from ground.shared import Shared
 from planner.bound.lower_bound import exclusion_proof, lower_bound
 from planner.cover import few_columns, maximal_columns
-from planner.executors import Shared, in_order
+from planner.executors import in_order
 from planner.plan import InspectionPlan
 from planner.progress import TimeIsUpError
 from planner.request.problem import Problem
@@ -39,9 +40,11 @@ from planner.request.split import (
 from planner.request.targets import END_SHARE, PlannedDimension
 from planner.resume import PlanningState
 from planner.search.columns import Judge, WarmStart, derive_seed, judged_poses, price_poses
+from planner.search.counted_columns import CountedColumns
+from planner.search.evolution import Centring
 from planner.search.incumbents import TRIVIAL, SearchRun, assembled, may_split
 from planner.search.plan_setting import setting_at, without
-from planner.search.realise_column import keeps, poses_stated, realise, with_p_all
+from planner.search.realise_column import centre_setting, keeps, poses_stated, realise
 from planner.search.stages import settle, without_unproven
 from planner.sensor_setting import Reason, ReasonKind, SensorSetting, SplitValue
 from planner.verify.simulate_setting import MOST_REQUIRED, poses_needed
@@ -309,7 +312,9 @@ class _SplitSearch:
         n_settings = len(few_columns(membership, child.nodes(), child.rng("known")))
         if n_targets <= len(self._plan.inspected) and n_settings >= len(self._plan.settings):
             return None
-        settings = settle(child, inspected, ready=self._plan.settings).settings
+        columns = CountedColumns(child, inspected)
+        columns.repair(columns.count_cover())
+        settings = settle(child, inspected, columns.counted, ready=self._plan.settings).settings
         return self._assembled(settings)
 
     def _whole_targets(self, inspected: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -319,7 +324,7 @@ class _SplitSearch:
         return np.asarray(inspected & ~np.isin(owner, lost))
 
     def _assembled(self, settings: Sequence[SensorSetting]) -> InspectionPlan | None:
-        """Return the plan of settings of the request with ends."""
+        """Return the plan of settings of the request with ends; None if these lose a target that the plan inspects."""
         lost: dict[str, Reason] = {}
         tried: list[str] = []
         while True:
@@ -344,10 +349,13 @@ class _SplitSearch:
                     lost[name] = _too_low(values[name], self._run)
                 else:
                     settings = better
+        measured = {name for setting in renamed for name in setting.entities}
+        if not measured.issuperset(self._plan.inspected):
+            # moved off its limits, a setting may fall short of the required P_all
+            return None
         reasons = {**self._plan.uninspectable, **lost}
-        for setting in renamed:
-            for name in setting.entities:
-                reasons.pop(name, None)
+        for name in measured:
+            reasons.pop(name, None)
         return replace(
             self._plan,
             settings=renamed,
@@ -405,7 +413,15 @@ class _SplitSearch:
                 continue
             poses = poses_stated(sum(len(other.entities) for other in settings))
             moved = setting_at(child.problem, pose, names, "surer", outcome.setting.seed)
-            moved = with_p_all(child.judge, moved, derive_seed(child.seed, names), poses)
+            # the surest pose may lie at a limit, where its entity often leaves the image
+            moved = centre_setting(
+                child.shared,
+                moved,
+                derive_seed(child.seed, names),
+                poses,
+                Centring.of(child.effort),
+                len(settings),
+            )
             if not all(keeps(child.judge, p) for p in moved.p_all.values()):
                 continue
             others = [*settings[:index], *settings[index + 1 :], moved]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph.solid.solid import RayScene
+from ground.shared import Shared
 from planner.bound.lower_bound import (
     ProvenBound,
     exclusion_proof,
@@ -24,7 +25,7 @@ from planner.bound.lower_bound import (
     of_all,
 )
 from planner.cover import few_columns, sets_to_realise
-from planner.executors import Shared, in_order
+from planner.executors import in_order
 from planner.light.area_light import EdgePoints, shown_of_plan
 from planner.light.corner_light import parts_of
 from planner.light.lighting import Lighting, eyes_of
@@ -35,6 +36,7 @@ from planner.progress import report
 from planner.request.problem import Problem
 from planner.request.split import ends_apart
 from planner.search.columns import (
+    ColumnPool,
     Judge,
     Pools,
     WarmStart,
@@ -44,8 +46,10 @@ from planner.search.columns import (
     perturbed,
     price_poses,
 )
+from planner.search.counted_columns import CountedColumns, chosen_settings
 from planner.search.evolution import Centring
 from planner.search.incumbents import (
+    REFUTING_SHARE,
     SO_FAR,
     Incumbents,
     Needed,
@@ -62,13 +66,11 @@ from planner.search.plan_setting import setting_at, without
 from planner.search.realise_column import (
     ALL_TRIALS,
     JOINT_POSES,
-    Supported,
     centre_setting,
     joint_bounds,
     keeps,
     poses_stated,
     with_p_all,
-    without_contradicted,
     without_corners,
 )
 from planner.sensor_setting import Reason, ReasonKind, SensorSetting
@@ -87,8 +89,6 @@ if TYPE_CHECKING:
 # for a target that lacks the required P_all in the final settings: poses of other columns that
 # are simulated for it
 _RETRIED = 8
-# least gain in the sum of the probabilities. A smaller gain is rounding.
-_FITNESS_GAIN = 1e-6
 
 # Another try for targets that lack the required P_all in the final settings, before they are
 # given up.
@@ -254,6 +254,7 @@ class Settled(NamedTuple):
 def settle(
     run: SearchRun,
     inspected: np.ndarray,
+    counted: ColumnPool,
     *,
     moves: bool = True,
     ready: Sequence[SensorSetting] = (),
@@ -263,31 +264,19 @@ def settle(
     Parameters
     ----------
     run : SearchRun
-        Its pools hold the columns.
+        Its request says what is asked.
     inspected : array of bool (k,)
-        Entities that are to be covered.
+        Entities that are to be covered. Those that no counted column contains get settings of their own, where such
+        are found.
+    counted : ColumnPool
+        Columns of which every target has the required P_all; see `CountedColumns`.
     moves : bool
         Whether the poses are moved off their limits.
     ready : sequence of SensorSetting
         Settings of another plan, off their limits already. Where one of them serves for a column, it stays where it
         is, and that column is searched no more.
     """
-    pool = run.pool
-    problem = run.problem
-    chosen = few_columns(
-        pool.membership[:, inspected],
-        run.nodes(),
-        run.rng("settings"),
-        pool.quality,
-    )
-    there, chosen = _already_there(run, chosen, inspected, ready)
-    candidates = [
-        setting_at(
-            problem, pool.poses[c], names, "candidate pose", seed=derive_seed(run.seed, names)
-        )
-        for c, names in ((c, run.names_of(pool.membership[c])) for c in chosen)
-    ]
-    settings = without_contradicted(problem, _supported(run, candidates))
+    there, settings = _already_there(run, chosen_settings(run, counted, inspected), ready)
     centring = Centring.of(run.effort)
     if not moves:
         centring = centring._replace(give_up=0.0)
@@ -295,30 +284,29 @@ def settle(
     def centre(some: Sequence[SensorSetting]) -> list[SensorSetting]:
         return centre_all(run, some, centring)
 
-    settled = _without_short(run, [*there, *centre(settings)], centre)
+    missing = run.names_of(inspected & ~counted.inspected)
+    best = {name: run.promises.largest_bound(name) for name in missing}
+    settled = _without_short(run, [*there, *centre(settings)], centre, best)
     return settled._replace(settings=without_spare(run, settled.settings, centre))
 
 
 def _already_there(
-    run: SearchRun,
-    chosen: Sequence[int],
-    inspected: np.ndarray,
-    ready: Sequence[SensorSetting],
-) -> tuple[list[SensorSetting], list[int]]:
-    """Return settings that serve for chosen columns of the pool from where they are, and the other columns."""
+    run: SearchRun, chosen: Sequence[SensorSetting], ready: Sequence[SensorSetting]
+) -> tuple[list[SensorSetting], list[SensorSetting]]:
+    """Return settings that serve for chosen ones from where they are, and the other chosen ones."""
     if not ready:
         return [], list(chosen)
     there = []
     others = []
     unused = list(ready)
     inspects = list(run.judge(np.array([setting.cam2world for setting in ready])).inspects)
-    poses = poses_stated(sum(len(setting.entities) for setting in ready))
-    for c in chosen:
-        column = run.pool.membership[c] & inspected
-        names = run.names_of(column)
+    poses = poses_stated(sum(len(setting.entities) for setting in chosen))
+    for candidate in chosen:
+        names = candidate.entities
+        column = np.isin(run.names, names)
         index = next((k for k in range(len(unused)) if inspects[k][column].all()), None)
-        if index is None or not names:
-            others.append(c)
+        if index is None:
+            others.append(candidate)
             continue
         old = unused[index]
         setting = setting_at(run.problem, old.cam2world, names, old.message, old.seed, old.nfev)
@@ -326,7 +314,7 @@ def _already_there(
         contradicted = run.promises.contradicted_in(setting)
         setting = with_p_all(run.judge, setting, derive_seed(run.seed, names), poses)
         if contradicted or not all(keeps(run.judge, p) for p in setting.p_all.values()):
-            others.append(c)
+            others.append(candidate)
             continue
         there.append(setting)
         del unused[index], inspects[index]
@@ -367,36 +355,6 @@ def without_spare(
     return list(by_index.values())
 
 
-def _supported(run: SearchRun, candidates: Sequence[SensorSetting]) -> list[Supported]:
-    """Return for each candidate pose the best pose that simulation supports, the candidate itself if it is enough."""
-    enough = run.effort.good_enough
-    good = [
-        k for k, candidate in enumerate(candidates) if min(candidate.probability.values()) > enough
-    ]
-    # what was simulated on the way is not simulated again
-    for _ in run.simulate([candidates[k] for k in good]):
-        pass
-    plain = [k for k in good if not run.promises.contradicted_in(candidates[k])]
-    supported = {k: Supported(candidates[k], frozenset(candidates[k].entities)) for k in plain}
-    others = [k for k in range(len(candidates)) if k not in supported]
-    searched = _searched(run, [candidates[k] for k in others])
-    supported.update(zip(others, searched, strict=True))
-    return [supported[k] for k in range(len(candidates))]
-
-
-def _searched(run: SearchRun, candidates: Sequence[SensorSetting]) -> list[Supported]:
-    """Search a better pose for each candidate pose, and return the better one that simulation supports."""
-    options = []
-    outcomes = run.realise([column.entities for column in candidates])
-    for candidate, outcome in zip(candidates, outcomes, strict=True):
-        setting = outcome.setting
-        both = [candidate]
-        if setting is not None and _holds(run, setting, candidate.entities):
-            both.insert(setting.fitness < candidate.fitness - _FITNESS_GAIN, setting)
-        options.append(both)
-    return run.supported(options)
-
-
 def settle_early(run: SearchRun, plan: InspectionPlan, proven: Proven) -> InspectionPlan:
     """Return a plan that a time limit ended with its settings moved off their limits, and what they promise.
 
@@ -428,11 +386,15 @@ def settle_early(run: SearchRun, plan: InspectionPlan, proven: Proven) -> Inspec
 
 
 def _without_short(
-    run: SearchRun, settings: Sequence[SensorSetting], centre: Centre | None = None
+    run: SearchRun,
+    settings: Sequence[SensorSetting],
+    centre: Centre | None = None,
+    others: Mapping[str, float] | None = None,
 ) -> Settled:
     """Take from settings the targets that lack the required P_all there; return why some are in none any more.
 
-    Where it is said how settings are moved off their limits, these are tried again before they are given up.
+    Where it is said how settings are moved off their limits, these are tried again before they are given up, and so are
+    others that no setting contains, with the largest P_all found of each.
     """
     threshold = min(run.problem.probability, MOST_REQUIRED)
     short = [{n for n, p in setting.p_all.items() if p < threshold} for setting in settings]
@@ -441,7 +403,7 @@ def _without_short(
         for setting, missing in zip(settings, short, strict=True)
     ]
     entities = {name for setting in fewer for name in setting.entities}
-    reached: dict[str, float] = {}
+    reached = dict(others or {})
     for setting, missing in zip(settings, short, strict=True):
         for name in missing - entities:
             reached[name] = max(setting.p_all[name], reached.get(name, 0.0))
@@ -514,16 +476,8 @@ def centre_all(
     return moved
 
 
-def _holds(run: SearchRun, setting: SensorSetting, names: tuple[str, ...]) -> bool:
-    """Judge a setting anew: whether it inspects all these entities."""
-    return bool(run.judge(setting.cam2world[None]).inspects[0, np.isin(run.names, names)].all())
-
-
 # rounds of column generation between two searches
 _ROUNDS_PER_SEARCH = 5
-# share for each cover while the program tries optimistic columns. There are many, and a cover
-# that is not the best costs no more than a run of the genetic algorithm.
-_REFUTING_SHARE = 0.1
 # smallest number of rounds of column generation from poses that the proof found
 _JOINING_ROUNDS = 5
 # largest number of these rounds, for few columns
@@ -674,7 +628,7 @@ def _inspected(run: SearchRun) -> np.ndarray:
         state.inspected = run.pool.inspected
         if state.inspected.any():
             membership = run.pool.membership[:, state.inspected]
-            nodes = run.nodes(_REFUTING_SHARE)
+            nodes = run.nodes(REFUTING_SHARE)
             chosen = few_columns(membership, nodes, run.rng("known"))
             state.n_known = len(chosen)
     return state.inspected
@@ -793,7 +747,7 @@ def refute(run: SearchRun, inspected: np.ndarray, bound: int, incumbents: Incumb
     tries = run.effort.refutations
     enough = None
     rng = run.rng("refutation")
-    nodes = run.nodes(_REFUTING_SHARE)
+    nodes = run.nodes(REFUTING_SHARE)
     impossible = np.zeros((0, len(run.names)), dtype=bool)
     while tries > 0 and inspected.any():
         realised = run.pool.membership[:, inspected]
@@ -1149,9 +1103,21 @@ def _refute(state: PlanState, tools: Tools) -> None:
     refute(tools.run, state.inspected, state.bound, tools.incumbents)
 
 
+def _count(state: PlanState, tools: Tools) -> None:
+    assert state.inspected is not None
+    columns = CountedColumns.resumed(tools.run, state.inspected, state.entries.get("counted"))
+
+    def offer(entries: dict[str, Any]) -> None:
+        tools.incumbents.offer(tools.run, columns.counted)
+
+    columns.search(tools.run.effort.pricing_rounds, state.bound, tools.run.checkpoint(offer))
+    state.counted = columns.counted
+
+
 def _settle(state: PlanState, tools: Tools) -> None:
     assert state.inspected is not None
-    settled = settle(tools.run, state.inspected)
+    assert state.counted is not None
+    settled = settle(tools.run, state.inspected, state.counted)
     state.uninspectable.update(settled.lost)
     settled_targets = np.isin(
         tools.run.names, [n for setting in settled.settings for n in setting.entities]
@@ -1168,8 +1134,9 @@ def _light(state: PlanState, tools: Tools) -> None:
     plan = with_lamps(tools.run, tools.lighting, state.plan)
     if plan.unlit:
         assert state.inspected is not None
+        assert state.counted is not None
         # where a pose was moved to, no lamp may light what one lights from where it was
-        unmoved = settle(tools.run, state.inspected, moves=False)
+        unmoved = settle(tools.run, state.inspected, state.counted, moves=False)
         draft = assembled(tools.run, unmoved.settings, state.bound, state.proof)
         other = with_lamps(tools.run, tools.lighting, draft)
         if set(other.inspected) == set(plan.inspected) and len(other.unlit) < len(plan.unlit):
@@ -1185,6 +1152,7 @@ STAGES = (
     Stage("weighing", _weigh),
     Stage("lower bound", _prove_bound),
     Stage("refutation", _refute),
+    Stage("counted columns", _count),
     Stage("settings", _settle),
     Stage("lamps", _light),
 )

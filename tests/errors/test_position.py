@@ -142,16 +142,22 @@ def world_to_camera():
     return np.linalg.inv(cam2world)
 
 
-def carried_back(points, pose, deltas, noise, rng):
-    """Points (m, 3) at z = 0, seen by displaced cameras (n, 6), carried back with the planned pose to z = 0."""
-    inside = points @ pose[:3, :3].T + pose[:3, 3]
+def carried_back(points, pose, deltas, noise, rng, z=0.0, heights=None):
+    """Points (m, 3) at height z, seen by displaced cameras (n, 6), carried back with the planned pose to this height.
+
+    On each part the face is higher than planned by heights (n,), or heights (n, m) of its points.
+    """
+    raised = np.repeat(points[None], len(deltas), axis=0)
+    if heights is not None:
+        raised[..., 2] += np.reshape(heights, (len(deltas), -1))
+    inside = raised @ pose[:3, :3].T + pose[:3, 3]
     turns = Rotation.from_rotvec(deltas[:, 3:]).as_matrix()
-    seen = np.einsum("nji,nmj->nmi", turns, inside[None] - deltas[:, None, :3])
+    seen = np.einsum("nji,nmj->nmi", turns, inside - deltas[:, None, :3])
     image = seen[..., :2] / seen[..., 2:]
     image = image + noise * rng.normal(size=image.shape)
     rays = np.concatenate([image, np.ones((*image.shape[:2], 1))], axis=2) @ pose[:3, :3]
     centre = -pose[:3, :3].T @ pose[:3, 3]
-    return (centre + rays * (-centre[2] / rays[..., 2])[..., None])[..., :2]
+    return (centre + rays * ((z - centre[2]) / rays[..., 2])[..., None])[..., :2]
 
 
 def line_fits(points):
@@ -169,6 +175,202 @@ def circle_fits(points):
         np.einsum("nmi,nmj->nij", design, design), np.einsum("nmi,nm->ni", design, right)[..., None]
     )
     return found[:, :2, 0]
+
+
+SLOT_EDGES = (Line((70, 26, 0), (90, 26, 0)), Line((70, 34, 0), (90, 34, 0)))
+DATUM_SLOT = (Line((20, 2, -4), (100, 2, -4)), Line((20, 58, -4), (100, 58, -4)))
+HOLES = tuple(Circle((x, y, 0), Z, 4) for x, y in ((10, 10), (105, 8), (100, 52), (15, 50)))
+FRAMES = {
+    "two planes": (HOLE, [EDGE_B, EDGE_C], ()),
+    "a plane and a hole": (HOLE, [EDGE_B, HOLES[0]], ()),
+    "a hole and a plane": (HOLE, [HOLES[0], EDGE_B], ()),
+    "a hole": (HOLE, [HOLES[0]], ()),
+    "a hole about the axis": (HOLE, [Circle((80, 30, -6), Z, 9)], ()),
+    "two holes": (HOLE, [HOLES[0], HOLES[1]], ()),
+    "a slot and a plane": (HOLE, [DATUM_SLOT, EDGE_C], ()),
+    "a pattern of holes": (HOLE, [HOLES], ()),
+    "a plane and a pattern": (HOLE, [EDGE_B, HOLES[:2]], ()),
+    "the own pattern": (HOLE, [], HOLES),
+    "a hole and the own pattern": (HOLE, [HOLES[0]], HOLES[1:]),
+    "a slot to a plane": (SLOT_EDGES, [EDGE_B], ()),
+    "a slot to a slot": (SLOT_EDGES, [DATUM_SLOT], ()),
+}
+
+
+def parts_of(item):
+    return item if isinstance(item, tuple) else (item,)
+
+
+def middle_of(fits):
+    """Points (n, 2) and angles (n,) of the fits of a line, a circle, or of the lines of a slot."""
+    points = np.mean([point for point, _ in fits], axis=0)
+    ways = [way for _, way in fits if way is not None]
+    if not ways:
+        return points, None
+    both = ways[0] + sum(way * np.sign(np.sum(way * ways[0], axis=-1))[:, None] for way in ways[1:])
+    return points, np.arctan2(both[:, 1], both[:, 0])
+
+
+def turned(vectors, angle):
+    c = np.cos(angle)
+    s = np.sin(angle)
+    x = np.asarray(vectors)[..., 0]
+    y = np.asarray(vectors)[..., 1]
+    return np.stack([c * x - s * y, s * x + c * y], axis=-1)
+
+
+def deviations(kind, fits, nominal):
+    """e (n, 2) or (n, 1) of a kind of frame by fits and nominal ones of every item: turn and shift of the part."""
+    _, datums, pattern = FRAMES[kind]
+    turn = None
+    rows = []
+    items = [(item, k + 1, False) for k, item in enumerate(datums)]
+    if pattern:
+        items.append((None, -1, True))
+    for item, k, is_own in items:
+        is_pattern = is_own or (isinstance(item, tuple) and isinstance(item[0], Circle))
+        if is_pattern:
+            at, true = ([*x[0], *x[-1]] if is_own else x[k] for x in (fits, nominal))
+            points = np.stack([point for point, _ in at])
+            places = np.stack([point for point, _ in true])
+            mean = points.mean(axis=0), places.mean(axis=0)
+            axes = [np.array([1.0, 0.0]), np.array([0.0, 1.0])]
+            if len(rows) == 1:
+                axes = [np.array([-rows[0][0][1], rows[0][0][0]])]
+            if len(rows) < 2:
+                rows += [(axis, *mean) for axis in axes]
+            if turn is None:
+                away = points - rows[0][1], places - rows[0][2]
+                turn = np.arctan2(
+                    np.sum(
+                        away[1][..., 0] * away[0][..., 1] - away[1][..., 1] * away[0][..., 0], 0
+                    ),
+                    np.sum(away[1] * away[0], axis=(0, 2)),
+                )
+            continue
+        (point, angle), (place, way) = (middle_of(x[k]) for x in (fits, nominal))
+        if angle is not None:
+            turn = angle - way if turn is None else turn
+            normal = np.array([-np.sin(way[0]), np.cos(way[0])])
+            if all(abs(np.linalg.det([other, normal])) > 1e-6 for other, _, _ in rows[:1]):
+                rows += [(normal, point, place)] * (len(rows) < 2)
+        elif not rows:
+            rows += [(axis, point, place) for axis in np.eye(2)]
+        elif len(rows) == 1:
+            rows.append((np.array([-rows[0][0][1], rows[0][0][0]]), point, place))
+        elif turn is None:
+            away = point - rows[0][1], place - rows[0][2]
+            turn = np.arctan2(away[0][:, 1], away[0][:, 0]) - np.arctan2(
+                away[1][:, 1], away[1][:, 0]
+            )
+    (at, _), (place, way) = (middle_of(x[0]) for x in (fits, nominal))
+    if turn is None:
+        away = at - rows[0][1], place - rows[0][2]
+        if not np.any(away[1]):
+            return away[0]
+        return (np.linalg.norm(away[0], axis=1) - np.linalg.norm(away[1], axis=1))[:, None]
+    # where the part's frame takes the place, as far as each row tells, in its axes
+    off = [
+        turned(at - point, -turn) @ normal - (place - true) @ normal for normal, point, true in rows
+    ]
+    if way is None:
+        return np.linalg.solve(np.stack([normal for normal, _, _ in rows]), np.stack(off)).T
+    return off[0][:, None]
+
+
+DRAWN = Localisation.gaussian(0.1, floor_px=0.0)
+SIGMAS = np.repeat([0.05, 0.002], 3)
+SURFACES_MM = 0.03
+
+
+def drawn_deviations(kind, n, rng, heights):
+    """e of n measurements: displaced cameras and noise; faces at a depth are higher by heights[z](x, y), (n, m) mm."""
+    deltas = rng.normal(size=(n, 6)) * SIGMAS
+    noise = 0.1 * 0.00345 / 25.0
+    steps = (np.arange(DRAWN.points) + 0.5) / DRAWN.points
+    turn = 2 * np.pi * steps
+    ring = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+
+    def fit(shape):
+        if isinstance(shape, Circle):
+            points = shape.centre + shape.radius_mm * ring
+        else:
+            points = shape.middle + ((steps - 0.5) * shape.length)[:, None] * shape.direction
+        z = float(points[0, 2])
+        raised = heights[z](points[:, 0], points[:, 1])
+        back = carried_back(points, world_to_camera(), deltas, noise, rng, z, raised)
+        if isinstance(shape, Circle):
+            return circle_fits(back), None
+        middle, way = line_fits(back)
+        return middle, way * np.sign(way @ shape.direction[:2])[:, None]
+
+    def exact(shape):
+        if isinstance(shape, Circle):
+            return shape.centre[None, :2], None
+        return shape.middle[None, :2], shape.direction[None, :2]
+
+    items = items_of(kind)
+    fits, nominal = ([[of(shape) for shape in item] for item in items] for of in (fit, exact))
+    return np.linalg.norm(deviations(kind, fits, nominal), axis=1)
+
+
+def items_of(kind):
+    first, datums, pattern = FRAMES[kind]
+    return [parts_of(first), *map(parts_of, datums), pattern]
+
+
+def probability_of(kind, radius_mm):
+    first, datums, _ = FRAMES[kind]
+    groups = tuple(len(parts_of(datum)) for datum in datums) or (0,)
+    name = "width_position" if isinstance(first, tuple) else "position"
+    shapes = [shape for item in items_of(kind) for shape in item]
+    model = PositionModel(
+        measurand(name, shapes, None, groups),
+        image_distance_mm=25.0,
+        pixel_pitch_mm=(0.00345, 0.00345),
+        pose_covariance=np.diag(SIGMAS**2),
+        localisation=DRAWN,
+        permitted_error=2 * radius_mm,
+        surfaces_mm=SURFACES_MM,
+    )
+    return model.describe(world_to_camera()).probability
+
+
+@pytest.mark.parametrize("kind", FRAMES)
+def test_every_kind_of_frame_has_the_probability_of_drawn_measurements(kind):
+    """Faces are off as a whole: points are carried back and fitted by another program."""
+    n = 20_000
+    rng = np.random.default_rng(len(kind))
+    offsets = {z: SURFACES_MM * rng.normal(size=(n, 1)) for z in (0.0, -4.0, -6.0)}
+    heights = {z: lambda x, y, off=off: off + 0 * x for z, off in offsets.items()}
+    e = drawn_deviations(kind, n, rng, heights)
+    for share in (0.5, 0.9):
+        radius = float(np.quantile(e, share))
+        assert probability_of(kind, radius) == pytest.approx(share, abs=0.01)
+
+
+@pytest.mark.parametrize("kind", FRAMES)
+def test_no_more_is_promised_of_parts_whose_faces_are_bent_within_their_zones(kind):
+    """Each face is off and wavy, anywhere in the zone whose standard deviation is stated."""
+    n = 10_000
+    rng = np.random.default_rng(len(kind))
+    half = math.sqrt(3.0) * SURFACES_MM
+
+    def wavy():
+        way = rng.uniform(0, 2 * np.pi, (n, 1))
+        phase = rng.uniform(0, 2 * np.pi, (n, 1))
+        wave = 2 * np.pi / rng.uniform(60, 240, (n, 1))
+        high = rng.uniform(0, half, (n, 1))
+        off = rng.uniform(-1, 1, (n, 1)) * (half - high)
+
+        def height(x, y):
+            return off + high * np.sin(wave * (np.cos(way) * x + np.sin(way) * y) + phase)
+
+        return height
+
+    e = drawn_deviations(kind, n, rng, {z: wavy() for z in (0.0, -4.0, -6.0)})
+    # of 10,000 the quantile is within 0.005 of its probability
+    assert probability_of(kind, float(np.quantile(e, 0.95))) <= 0.95 + 0.01
 
 
 @pytest.mark.parametrize(("sigma_mm", "sigma_rad"), [(0.05, 0.001), (0.3, 0.01)])
@@ -283,6 +485,41 @@ def test_what_an_edge_leaves_free_is_fitted_along_it():
     fits = fitted_at(frame, [moved[0], (0, 0), *moved[1:]])
     fits[1] = (0.0, 0.0)
     assert frame.error(fits) == pytest.approx([0.0, 0.02], abs=1e-9)
+
+
+def test_a_pattern_of_holes_as_the_datum_is_fitted_by_least_squares():
+    places = np.array([[0, 0], [100, 0], [100, 60], [20, 55.0]])
+    moves = 0.02 * np.random.default_rng(4).normal(size=(5, 2))
+    holes = tuple(circles_at(places))
+    frame = PositionFrame(HOLE, [holes])
+    assert (frame.components, frame.free) == (2, ())
+    # the frame that is nearest to all of its holes takes the rim with it (Kabsch)
+    middle = places.mean(axis=0)
+    actual = places + moves[1:]
+    u, _, v = np.linalg.svd((places - middle).T @ (actual - actual.mean(axis=0)))
+    turn = (u @ v).T
+    nominal = HOLE.centre[:2]
+    expected = (nominal + moves[0] - actual.mean(axis=0)) @ turn + middle - nominal
+    e = frame.axes[:, :2].T @ frame.error(fitted_at(frame, moves))
+    assert e == pytest.approx(expected, abs=1e-7)
+    # a pattern of two turns with the line through both, and stays in their middle
+    pair = PositionFrame(HOLE, [holes[:2]])
+    e = pair.axes[:, :2].T @ pair.error(fitted_at(pair, [(0, 0), (0, -0.05), (0, 0.05)]))
+    assert e == pytest.approx([30e-3, -30e-3], abs=1e-4)
+    again = pickle.loads(pickle.dumps(measurand("position", [HOLE, *holes], None, (4,))))
+    assert again.datum_names(["r9", "r1", "r2", "r3", "r4"]) == ["r1-r2-r3-r4"]
+
+
+def test_a_pattern_fixes_what_the_datums_before_it_leave_free():
+    holes = tuple(circles_at([(20, 10), (60, 10), (40, 40)]))
+    frame = PositionFrame(HOLE, [EDGE_B, holes])
+    # across B it is B that counts, along it the mean of the pattern
+    moves = [(0.0, 0.0), (0.3, 0.1), (0.0, 0.2), (0.0, 0.3)]
+    fits = fitted_at(frame, [moves[0], (0, 0), *moves[1:]])
+    fits[1] = (0.0, 0.0)
+    assert frame.error(fits) == pytest.approx([-0.1, 0.0], abs=1e-12)
+    with pytest.raises(MeasurandError, match="datum 3, which fixes nothing"):
+        PositionFrame(HOLE, [EDGE_B, EDGE_C, holes])
 
 
 def test_symmetry_is_how_far_mid_lines_are_apart():

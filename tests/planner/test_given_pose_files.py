@@ -1,6 +1,7 @@
 """Poses come back from files as OpenCV, ROS, robot programs and spreadsheets write them."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,9 +10,11 @@ from scipy.spatial.transform import Rotation
 from aspectgraph import read_solid
 from planner import (
     Cell,
+    LightPlan,
     PoseFileError,
     RequestError,
     look_at,
+    pose_files,
     read_plan,
     read_poses,
     robot_program,
@@ -207,6 +210,8 @@ PROGRAMS = {
     "urscript": ("i.script", 1e-4),
     "rapid": ("i.mod", 1e-4),
     "krl": ("i.src", 1e-4),
+    # three decimals: 6 axes, each 9e-6 rad off at 1.5 m
+    "fanuc": ("i.ls", 0.08),
     "csv": ("i.csv", 1e-4),
     "ros": ("i.json", 1e-9),
     "json": ("program.json", 1e-9),
@@ -237,6 +242,19 @@ def test_a_program_in_krl_has_the_name_of_its_file(tmp_path, program):
         with pytest.raises(RequestError, match="path must be named by up to 24 letters"):
             write_program(program[1], tmp_path / name)
         assert not (tmp_path / name).exists()
+
+
+def test_a_program_of_fanuc_has_the_name_of_its_file(tmp_path, program):
+    path = write_program(program[1], tmp_path / "side_2.ls")
+    assert path.read_text().splitlines()[0] == "/PROG  SIDE_2"
+    with pytest.raises(RequestError, match="path must be named by up to 36 letters"):
+        write_program(program[1], tmp_path / "2_sides.ls")
+    text = path.read_text().replace("J P[2] ", "J P[20] ")
+    path.write_text(text)
+    with pytest.raises(
+        PoseFileError, match=r"a move must be to a position of the program. Got P\[20"
+    ):
+        read_poses(path, cell=program[0])
 
 
 def test_a_program_that_takes_no_known_images_is_refused(tmp_path, program):
@@ -313,3 +331,14 @@ def test_a_unit_that_contradicts_the_file_is_refused(tmp_path):
         read_poses(path, units="m")
     with pytest.raises(PoseFileError, match="units must be one of mm, cm"):
         read_poses(path, units="parsec")
+
+
+def test_the_light_of_a_plan_is_known(tmp_path, monkeypatch):
+    """What a plan's light does not show is no fault of its poses."""
+    plan = read_plan(PLAN)
+    assert read_poses(PLAN).light == ""
+    dark = ({},) * len(plan.settings)
+    images = ((),) * len(plan.settings)
+    lamp = LightPlan("placed", 0.1, 0.1, "dark", np.ones((1, 3)), images, dark, 1, "by hand")
+    monkeypatch.setattr(pose_files, "read_plan", lambda path: replace(plan, light=lamp))
+    assert read_poses(PLAN).light == "placed"

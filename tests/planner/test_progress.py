@@ -287,3 +287,18 @@ def test_without_a_deadline_everything_fits():
     time_left = TimeLeft()
     assert all(time_left.fits_another() for _ in range(3))
     time_left.check()
+
+
+def test_who_has_limited_the_time_is_told_steadily_also_between_two_labels(monkeypatch):
+    monkeypatch.setattr("planner.progress._FIRST_WORD_S", 0.05)
+    stream = io.StringIO()
+    with progress.terminal_progress(stream, waiting=True, most_silent_s=0.05) as shown:
+        shown(1, 2, "visible regions")
+        time.sleep(0.3)
+        shown(2, 2, "visible regions")
+        time.sleep(0.3)
+        progress.note(shown, "a first plan")
+    lines = stream.getvalue().splitlines()
+    assert sum(line.startswith("visible regions: 1/2 (") for line in lines) >= 2
+    assert sum(line.startswith("after visible regions: 2/2 (") for line in lines) >= 2
+    assert lines[-1] == "a first plan"

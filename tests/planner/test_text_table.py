@@ -19,7 +19,17 @@ from planner.app.main import main
 from planner.files import print_json
 from planner.progress import VisibleStream, terminal_progress, visible, visible_output
 from planner.report import terminal_tables
-from planner.text_table import Column, Table, WholePieces, listed, print_text, terminal_width, words
+from planner.text_table import (
+    Column,
+    Table,
+    WholePieces,
+    digits_text,
+    enumerated,
+    listed,
+    print_text,
+    terminal_width,
+    words,
+)
 
 COLUMNS = (Column("entity"), Column("P", right=True), Column("what is said of it"))
 NAMES = ("far rim of the slot", "bohrung_d12_h7_links_oben", "e7")
@@ -308,3 +318,28 @@ def block_text():
         "OFF\n8 6 12\n0 0 0\n80 0 0\n80 50 0\n0 50 0\n0 0 40\n80 0 40\n80 50 40\n0 50 40\n"
         "4 0 3 2 1\n4 4 5 6 7\n4 0 1 5 4\n4 2 3 7 6\n4 1 2 6 5\n4 0 4 7 3\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [
+        (0.0, 2, "0"),
+        (0.01234, 2, "0.012"),
+        (0.0000321, 2, "0.000032"),
+        (-0.00001, 3, "-0.00001"),
+        (1234.5, 3, "1234"),
+        (12.345, 3, "12.3"),
+        (4e-7, 3, "< 0.000001"),
+    ],
+)
+def test_numbers_have_no_exponent(value, digits, text):
+    assert digits_text(value, digits) == text
+
+
+def test_a_list_in_a_sentence_ends_with_and():
+    assert [enumerated(list(names)) for names in ("", "a", "ab", "abc")] == [
+        "",
+        "a",
+        "a and b",
+        "a, b and c",
+    ]

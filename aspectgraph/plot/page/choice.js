@@ -26,10 +26,17 @@ class Choice {
   defaultName(k) { return shortName(this.items[k]); }
 
   /* Return the number of a value between two items, which need not be collected. */
-  pair(of, option) {
-    const item = pairItem(this.items, of, option), known = this.items.findIndex(({ id }) => id === item.id);
+  pair(of, option) { return this.number(pairItem(this.items, of, option)); }
+
+  /* Return the number of the position of a rim; `of` are the numbers of the rim and its datums. */
+  position(of) { return this.number(positionItem(this.items, of)); }
+
+  number(item) {
+    const known = this.items.findIndex(({ id }) => id === item.id);
     return known < 0 ? this.items.push(item) - 1 : known;
   }
+
+  isPosition(k) { return this.items[k].kind === "position"; }
 
   parts(k) { return this.items[k].of || [k]; }
 
@@ -80,26 +87,34 @@ class Choice {
   withUnit(k, text) { return this.unit(k) === "mm" ? `${text} mm` : `${text}${this.unit(k)}`; }
 
   /* Return the tolerance of an item as [lower, upper], null where none is asked, undefined where the text is none. */
-  tolerance(k) { return toleranceOf(this.tolerances.get(k) || this.shared(k)); }
+  tolerance(k) {
+    if (!this.isPosition(k)) return toleranceOf(this.tolerances.get(k) || this.shared(k));
+    const zone = this.zone(k);
+    return zone && [0, zone];
+  }
 
-  /* Return the tolerance of what has none of its own; that of lengths is none of angles. */
-  shared(k) { return this.unit(k) === "mm" ? this.common : ""; }
+  /* Return the zone of a position; null where none is typed, undefined where the text is none. */
+  zone(k) { return zoneOf(this.tolerances.get(k) || ""); }
+
+  /* Return the tolerance of what has none of its own; that of lengths is none of angles, and no zone. */
+  shared(k) { return this.unit(k) === "mm" && !this.isPosition(k) ? this.common : ""; }
 
   /* Return the error that a plan may make of an item, in its unit; null where --accuracy decides. */
   permitted(k) {
     const limits = this.tolerance(k);
-    return limits ? this.share * (limits[1] - limits[0]) / 2 : null;
+    return limits ? this.share * (limits[1] - limits[0]) / (this.isPosition(k) ? 1 : 2) : null;
   }
 
   /* Return why a plan would refuse the tolerance of an item, or nothing. */
   toleranceFault(k) {
     const limits = this.tolerance(k), { size: nominal } = this.items[k];
+    if (this.isPosition(k) && !limits) return "a position needs its zone, a number like 0.2";
     if (limits === undefined) return "a tolerance must be a number like 0.05, or two like -0.02/+0.05";
     if (!(this.share > 0 && this.share <= 1)) return "the share must be above 0 % and at most 100 %";
     if (!limits) return "";
     if (!(limits[0] < limits[1])) return "the two deviations must differ";
     const error = this.permitted(k);
-    if (error >= nominal) return `the permitted error must be below ${this.withUnit(k, number(nominal))}`;
+    if (error >= nominal && !this.isPosition(k)) return `the permitted error must be below ${this.withUnit(k, number(nominal))}`;
     const rough = this.parts(k).map((one) => this.items[one]).find(({ chords }) => chords.off > error);
     return rough
       ? `${rough.kind} ${rough.id} is known by ${rough.chords.n} chords only, ${number(rough.chords.off)} mm off its circle` : "";
@@ -107,7 +122,10 @@ class Choice {
 
   /* Return what is measured of an item, and how wrong it may be. */
   told(k) {
-    const { kind, axis, size: value } = this.items[k], error = this.permitted(k);
+    const { kind, axis, size: value, rows: [what] } = this.items[k], error = this.permitted(k);
+    if (this.isPosition(k)) {
+      return this.toleranceFault(k) ? what : `${what}, zone ⌀${number(this.zone(k))} mm: error up to ${number(error)} mm`;
+    }
     const nominal = valueText({ kind, axis, nominal: value, unit: this.unit(k) });
     if (this.toleranceFault(k)) return nominal;
     if (error === null) return `${nominal}, error by --accuracy`;
@@ -118,6 +136,10 @@ class Choice {
   dimensionsToml(part, byEnds) {
     const lines = [`# Dimensions of ${printable(part)}; lengths and deviations in mm, angles in degrees.`, "[dimensions]"];
     for (const k of this.names.keys()) {
+      if (this.isPosition(k)) {
+        lines.push(`${tomlKey(this.key(k))} = { ${this.positionToml(k, byEnds)} }`);
+        continue;
+      }
       const { kind, axis } = this.items[k], limits = this.tolerance(k);
       const asked = [`${measured(kind)} = ${this.value(k, byEnds)}`];
       if (axis) asked.push(`direction = [${AXES[axis].join(", ")}]`);
@@ -128,14 +150,23 @@ class Choice {
     return `${lines.join("\n")}\n`;
   }
 
+  positionToml(k, byEnds) {
+    const [rim, ...datums] = this.items[k].of.map((one) => this.value(one, byEnds));
+    const asked = [`position = ${rim}`, `zone = ${this.zone(k)}`, `datums = [${datums.join(", ")}]`];
+    if (this.share !== SHARE) asked.push(`share = ${this.share}`);
+    return asked.join(", ");
+  }
+
   /* Return all that is collected and set, as plain values; `restore` takes it. */
   record() {
     const rows = [...this.names].map(([k, name]) => {
       const { id, kind, of, axis } = this.items[k], limits = this.tolerance(k);
       const [entity, ...more] = this.parts(k).map((one) => entityOf(this.items[one]));
-      const asked = { [measured(kind)]: of ? [entity, ...more] : entity };
+      const isPosition = this.isPosition(k);
+      const asked = { [measured(kind)]: of && !isPosition ? [entity, ...more] : entity };
       if (axis) asked.direction = AXES[axis];
-      if (limits) asked.tolerance = limits;
+      if (isPosition) [asked.zone, asked.datums] = [this.zone(k) ?? null, more];
+      else if (limits) asked.tolerance = limits;
       if (limits && this.share !== SHARE) asked.share = this.share;
       const own = this.tolerances.get(k) || "", fault = this.toleranceFault(k);
       const row = { id, name, own, key: this.key(k), asked, fault };
@@ -147,7 +178,12 @@ class Choice {
   restore({ rows, common, share }) {
     const at = new Map(this.items.map(({ id }, k) => [id, k]));
     for (const { id, pair } of rows.filter((row) => row.pair)) {
-      const of = pair.of.map((one) => at.get(one)), options = betweenTwo(...of.map((k) => this.items[k]));
+      const of = pair.of.map((one) => at.get(one));
+      if (pair.kind === "position") {
+        at.set(id, this.position(of));
+        continue;
+      }
+      const options = betweenTwo(...of.map((k) => this.items[k]));
       at.set(id, this.pair(of, options.find(({ kind, axis }) => kind === pair.kind && axis === pair.axis)));
     }
     this.change((names) => {

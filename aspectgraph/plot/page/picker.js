@@ -23,12 +23,13 @@ const middles = lines.map((line) =>
 const scene = new Scene($("scene"), part, lines);
 const choice = new Choice(items);
 const texts = items.map((item) => item.id);
-const state = { pointed: -1, face: -1, codes: null, seen: new Map(), boxes: [], box: null, timer: 0, frame: 0, hosted: false, first: -1, partners: new Map() };
+const state = { pointed: -1, face: -1, codes: null, seen: new Map(), boxes: [], box: null, timer: 0, frame: 0, hosted: false, first: -1, partners: new Map(), chain: [], zone: "" };
 
 /* What the filter lets through. */
 function isShown(k) {
   const { kind, size, turn, id } = items[k];
-  if (state.first >= 0 && k !== state.first && !state.partners.has(k)) return false;
+  const inPart = k === state.first || state.chain.includes(k);
+  if ((state.first >= 0 || $("position").checked) && !inPart && !state.partners.has(k)) return false;
   const low = parseFloat($("least").value), high = parseFloat($("most").value), wanted = $("find").value.trim();
   if (!$(`kind-${kind}`).checked || (turn > 0 ? !$("convex").checked : !$("reentrant").checked)) return false;
   if (size < low || size > high) return false;
@@ -36,7 +37,7 @@ function isShown(k) {
 }
 
 const isPointed = (k) => state.pointed >= 0 && choice.parts(state.pointed).includes(k);
-const isMarked = (k) => k === state.first || choice.uses(k);
+const isMarked = (k) => k === state.first || state.chain.includes(k) || choice.uses(k);
 const colourOf = (k) => (isPointed(k) ? POINTED : isMarked(k) ? CHOSEN : COLOURS[items[k].kind]);
 
 function styles() {
@@ -153,9 +154,10 @@ function reveal(row) {
   }
 }
 
-/* Take what is clicked: into the list or out of it, or as one of two to measure between. */
+/* Take what is clicked: into the list or out of it, as one of two to measure between, or as a hole or its datum. */
 function take(k) {
-  if (!$("two").checked) {
+  if ($("position").checked) placeNext(k);
+  else if (!$("two").checked) {
     choice.toggle(k);
     chosen();
   } else if (state.first < 0) begin(k);
@@ -191,6 +193,58 @@ function offer(k) {
   });
   $("between").replaceChildren(options.length ? `${names}: ` : `Nothing is measured between ${names}.`, ...buttons);
   return chosen();
+}
+
+/* Take a rim as the hole of a position, or the next datum; what is clicked again goes out with all after it. */
+function placeNext(k) {
+  const at = state.chain.indexOf(k);
+  if (at >= 0) placeFrom(state.chain.slice(0, at));
+  else if (state.partners.has(k)) placeFrom([...state.chain, k]);
+}
+
+/* Show what a position has so far, and which entities may be next: first the rims, then what fixes anything. */
+function placeFrom(chain) {
+  const next = !chain.length ? items.map((_, k) => k).filter((k) => items[k].kind === "rim") : nextDatums(items, chain);
+  [state.chain, state.first, state.partners] = [chain, chain[0] ?? -1, new Map(next.map((k) => [k, []]))];
+  const [hole, ...datums] = chain.map((k) => shortName(items[k]));
+  const parts = [hole ? `Position of ${hole}` : "Click the hole whose position is asked: a rim."];
+  if (hole) parts.push(datums.length ? ` to ${datums.join(", ")}. ` : ". Click its datums in their order: edges or rims.");
+  if (datums.length && next.length) parts.push("Click the next datum, or ");
+  if (datums.length && datumFrame(items[chain[0]], chain.slice(1).map((k) => items[k])).isComplete) {
+    parts.push(zoneField(), collectButton());
+  } else if (datums.length) parts.push("one is needed.");
+  $("between").hidden = !$("position").checked;
+  $("between").replaceChildren(...parts);
+  chosen();
+  filtered();
+}
+
+function zoneField() {
+  const label = document.createElement("label"), input = document.createElement("input");
+  [input.id, input.type, input.size, input.value] = ["zone", "text", 5, state.zone];
+  input.placeholder = "⌀0.2";
+  input.addEventListener("input", () => { state.zone = input.value; });
+  label.append("zone ", input, " mm ");
+  return label;
+}
+
+function collectButton() {
+  const button = document.createElement("button");
+  [button.id, button.textContent] = ["collect-position", "Collect"];
+  button.addEventListener("click", () => {
+    const k = choice.position(state.chain);
+    choice.tolerances.set(k, state.zone.trim());
+    choice.add([k]);
+    $("kind-of-file").value = "dimensions";
+    placeFrom([]);
+  });
+  return button;
+}
+
+/* Begin a pair or a position anew. */
+function restart() {
+  if ($("two").checked) begin(-1);
+  if ($("position").checked) placeFrom([]);
 }
 
 function collectPair(of, option) {
@@ -250,10 +304,10 @@ function chosenRow(k, name) {
   told.textContent = `${what}, ${inShort || choice.told(k)}`;
   if (forDimensions()) {
     const own = choice.tolerances.get(k) || "";
-    const tolerance = field(own, `tolerance of ${what}`, choice.toleranceFault(k), (text) => {
+    const tolerance = field(own, `${choice.isPosition(k) ? "zone" : "tolerance"} of ${what}`, choice.toleranceFault(k), (text) => {
       choice.tolerances.set(k, text.trim());
     });
-    tolerance.placeholder = choice.shared(k) || "none";
+    tolerance.placeholder = choice.isPosition(k) ? "zone" : choice.shared(k) || "none";
     row.append(tolerance);
     told.textContent = choice.told(k);
   }
@@ -309,7 +363,7 @@ function serve() {
 /* Say which lengths a plan cannot measure. */
 function notes(chosenOnes, dimensions) {
   const pairs = chosenOnes.filter(([k]) => choice.items[k].of).length;
-  if (pairs && !dimensions) return "What is measured between two is only in the file of dimensions";
+  if (pairs && !dimensions) return "Positions, and what is measured between two, are only in the file of dimensions";
   const smooth = dimensions ? chosenOnes.filter(([k]) => items[k]?.smooth) : [];
   return smooth.length ? `${items[smooth[0][0]].rows[0]} ends in a tangent arc, so a plan does not measure its length` : "";
 }
@@ -349,6 +403,14 @@ function save() {
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
+/* End what was begun, and untick the other way of picking. */
+function only(ticked) {
+  $(ticked === "two" ? "position" : "two").checked = false;
+  state.chain = [];
+  begin(-1);
+  if ($("position").checked) placeFrom([]);
+}
+
 const everything = () => items.map((_, k) => k).filter(isShown);
 const actions = {
   copy: () => copy(toml(), $("copy")),
@@ -358,7 +420,8 @@ const actions = {
   undo: () => { choice.undo(); chosen(); },
   "collect-shown": () => { choice.add(everything()); chosen(); },
   fit: () => { scene.fit(); moved(); },
-  two: () => begin(-1),
+  two: () => only("two"),
+  position: () => only("position"),
 };
 for (const [id, act] of Object.entries(actions)) $(id).addEventListener("click", act);
 for (const id of ["least", "most", "find", "kind-edge", "kind-rim", "kind-arc", "convex", "reentrant"]) {
@@ -377,7 +440,7 @@ listAll();
 listChosen();
 if (scene.gl) {
   const ofFace = (face) => everything().filter((k) => items[k].faces.includes(face));
-  watchPointer({ scene, state, at, inBox, point, moved, overlay, choice, chosen, ofFace, take, begin });
+  watchPointer({ scene, state, at, inBox, point, moved, overlay, choice, chosen, ofFace, take, restart });
   scene.onLoss(() => { state.codes = null; }, moved);
   // a frame has no size yet when its page is there
   let narrow = true;

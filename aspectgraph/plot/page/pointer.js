@@ -3,7 +3,7 @@
 
 const CLICK_PX = 4;
 
-function watchPointer({ scene, state, at, inBox, point, moved, overlay, choice, chosen, ofFace, take, begin }) {
+function watchPointer({ scene, state, at, inBox, point, moved, overlay, choice, chosen, ofFace, take, restart }) {
   const canvas = scene.canvas, down = new Map();
   let travelled = 0, pinched = false, pivot = null;
   const place = (event) => {
@@ -70,7 +70,7 @@ function watchPointer({ scene, state, at, inBox, point, moved, overlay, choice, 
 
   canvas.addEventListener("dblclick", (event) => {
     const { face } = at(...place(event));
-    if (face < 0 || document.getElementById("two").checked) return;
+    if (face < 0 || ["two", "position"].some((id) => document.getElementById(id).checked)) return;
     choice.add(ofFace(face));
     chosen();
   });
@@ -87,7 +87,7 @@ function watchPointer({ scene, state, at, inBox, point, moved, overlay, choice, 
       state.box = null;
       overlay();
     } else if (event.key === "Escape") {
-      if (document.getElementById("two").checked) begin(-1);
+      restart();
     } else if (event.key === "z" && (event.ctrlKey || event.metaKey)) {
       choice.undo();
       chosen();

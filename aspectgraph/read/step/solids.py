@@ -44,6 +44,7 @@ from aspectgraph.read.step.text import (
     linked_facets,
     list_loose,
     list_solids,
+    notes_on_units,
     parse_entities,
 )
 from aspectgraph.solid.topology import describe_point
@@ -246,7 +247,8 @@ def load_solids(
             slot.instances = instances[k]
         slots.append(slot)
     report(len(ordered), len(ordered), "check the solids")
-    return Inventory(slots, _left_out(shape, len(loose)) + damage.notes(entities), names)
+    notes = notes_on_units(listed.values()) + _left_out(shape, len(loose)) + damage.notes(entities)
+    return Inventory(slots, notes, names)
 
 
 def _tessellation_mode(entities: dict[int, StepEntity], name: str) -> str:

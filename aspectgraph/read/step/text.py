@@ -492,6 +492,9 @@ _PREFIX_MM = {
     "": 1e3, "KILO": 1e6, "HECTO": 1e5, "DECA": 1e4, "DECI": 1e2, "CENTI": 1e1, "MILLI": 1.0, "MICRO": 1e-3,
     "NANO": 1e-6,
 }  # fmt: skip
+UNIT_NOTE = "lengths in the file are in"
+"""How the note of a solid begins whose file is not in mm."""
+_UNIT_NAMES = {1.0: "mm", 10.0: "cm", 25.4: "inches", 304.8: "feet", 1e3: "m", 1e-3: "µm"}
 _SI_METRE = re.compile(r"SI_UNIT\s*\(\s*(?:\$|\.([A-Z]+)\.)\s*,\s*\.METRE\.\s*\)", re.IGNORECASE)
 
 
@@ -515,6 +518,8 @@ class ListedSolid:
         Those of a tessellated solid, before any placement in an assembly.
     damage : str
         What of its facets is not read; empty if nothing.
+    unit_mm : float
+        Millimetres in the unit of its lengths.
     """
 
     number: int
@@ -524,6 +529,7 @@ class ListedSolid:
     uncertainty_mm: float | None
     facets: StatedFacets | None = None
     damage: str = ""
+    unit_mm: float = 1.0
 
 
 def list_solids(entities: dict[int, StepEntity]) -> list[ListedSolid]:
@@ -695,7 +701,8 @@ def _listed(entities: dict[int, StepEntity], number: int, context: int | None) -
     if entities[number].kind in TESSELLATED_SOLIDS:
         return _listed_facets(entities, number, inside, unit_mm)
     coordinates = np.array([p for p in points if p is not None], dtype=np.float64).reshape(-1, 3)
-    return ListedSolid(number, inside, n_faces, coordinates * unit_mm, uncertainty_mm)
+    coordinates *= unit_mm
+    return ListedSolid(number, inside, n_faces, coordinates, uncertainty_mm, unit_mm=unit_mm)
 
 
 def _listed_facets(
@@ -706,8 +713,8 @@ def _listed_facets(
         facets = read_facets(entities, number, unit_mm)
     except UnreadFacetsError as error:
         damage = f"tessellated geometry only (#{number}), of it {error}"
-        return ListedSolid(number, inside, 0, nowhere, None, None, damage)
-    return ListedSolid(number, inside, 0, nowhere, None, facets)
+        return ListedSolid(number, inside, 0, nowhere, None, None, damage, unit_mm)
+    return ListedSolid(number, inside, 0, nowhere, None, facets, unit_mm=unit_mm)
 
 
 def linked_facets(entities: dict[int, StepEntity]) -> set[int]:
@@ -766,6 +773,15 @@ def _uncertainty_mm(entities: dict[int, StepEntity], number: int) -> float | Non
     ]
     value = entity.numbers[0] * unit_mm(entities, units[0]) if units and entity.numbers else -1.0
     return value if value > 0 and math.isfinite(value) else None
+
+
+def notes_on_units(solids: Iterable[ListedSolid]) -> list[str]:
+    """Return a note if lengths of the file are not in mm: a reader would not find its numbers."""
+    lengths = sorted({solid.unit_mm for solid in solids})
+    if lengths in ([], [1.0]):
+        return []
+    names = [_UNIT_NAMES.get(round(length, 6), f"units of {length:.6g} mm") for length in lengths]
+    return [f"{UNIT_NOTE} {' and '.join(names)}; here all are in mm"]
 
 
 def unit_mm(entities: dict[int, StepEntity], number: int, depth: int = 0) -> float:

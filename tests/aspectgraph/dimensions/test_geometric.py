@@ -7,8 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from solids import prism, ring
 
 from aspectgraph import read_requirements, read_solid
+from aspectgraph.dimensions.datum_frames import DatumFrame, NotShownError, seats_of_hole
+from aspectgraph.dimensions.features import Axis, Sight
 from aspectgraph.read.step.geometric_tolerances import (
     WITH_TEXTS,
     StatedTolerance,
@@ -140,3 +143,26 @@ def test_positions_of_a_part_have_rims_datums_and_limits_of_size():
     assert all(size is not None and size[0] < 0 < size[1] for size in bolts.sizes)
     # about the hole of B alone, the rotation is free
     assert len(positions["Position.1"].entities) == 2
+
+
+def test_a_datum_of_several_holes_is_shown_by_the_rims_beside_that_of_the_position():
+    places = [(-15, -8), (15, -8), (15, 8), (0, 5)]
+    bores = [ring(2.0, 24, place, clockwise=True) for place in places]
+    solid = prism([(-20, -12), (20, -12), (20, 12), (-20, 12)], 6, bores)
+    rims = {tuple(np.round(rim.centre, 6) + 0.0): rim for rim in solid.rims()}
+    up = np.array([0.0, 0.0, 1.0])
+    holes = [
+        Axis(np.array([x, y, 0.0]), up, 2.0, (rims[x, y, 0.0], rims[x, y, 6.0])) for x, y in places
+    ]
+    sight = Sight(solid)
+    seat = next(seat for seat in seats_of_hole(sight, holes[3]) if seat.centre[2] > 5)
+    shown = DatumFrame(sight, ["B"], {"B": holes[:3]}).show(seat)
+    assert shown.way == tuple(rims[x, y, 6.0].id for x, y in [places[3], *places[:3]])
+    assert shown.groups == (3,)
+    # holes about one axis are no pattern
+    twice = [holes[0], Axis(holes[0].point + 3 * up, up, 3.0, holes[0].circles)]
+    with pytest.raises(NotShownError, match="datum B to 2 features, not to one"):
+        DatumFrame(sight, ["B"], {"B": twice}).show(seat)
+    leaning = Axis(holes[1].point, np.array([1.0, 0.0, 0.0]), 2.0, holes[1].circles)
+    with pytest.raises(NotShownError, match="the rim is inclined to datum B"):
+        DatumFrame(sight, ["B"], {"B": [holes[0], leaning]}).show(seat)

@@ -241,7 +241,19 @@ def test_files_in_inches_come_out_in_mm(tmp_path):
     text = path.read_text()
     assert ".MILLI.,.METRE." in text
     path.write_text(text.replace("SI_UNIT(.MILLI.,.METRE.)", "SI_UNIT(.CENTI.,.METRE.)"))
-    assert np.ptp(read_solid(path).bounds, axis=0) == pytest.approx([10, 20, 30])
+    solid = read_solid(path)
+    assert np.ptp(solid.bounds, axis=0) == pytest.approx([10, 20, 30])
+    assert "lengths in the file are in cm; here all are in mm" in solid.notes
+    inch = "(CONVERSION_BASED_UNIT('INCH',#9001)LENGTH_UNIT()NAMED_UNIT(*))"
+    unit = re.search(r"#(\d+)\s*=\s*\(\s*LENGTH_UNIT[^;]*;", text)
+    stated = (
+        f"#{unit[1]}={inch};\n#9001=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(25.4),#9002);\n"
+        f"#9002{unit[0].removeprefix('#' + unit[1])}"
+    )
+    path.write_text(text.replace(unit[0], stated))
+    solid = read_solid(path)
+    assert np.ptp(solid.bounds, axis=0) == pytest.approx([25.4, 50.8, 76.2])
+    assert "lengths in the file are in inches; here all are in mm" in solid.notes
 
 
 def test_thin_walls_are_refined_until_they_hold(tmp_path):

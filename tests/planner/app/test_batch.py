@@ -280,7 +280,7 @@ def test_swapped_arguments_are_told_their_order(request_):
 
 
 def test_the_time_limit_ends_the_visible_regions_of_a_part(parts, request_, tmp_path, monkeypatch):
-    monkeypatch.setattr("planner.callbacks.LEAST_REGIONS_S", 0.0)
+    monkeypatch.setattr("planner.callbacks.LEAST_SEARCH_S", 0.0)
     (parts / "torn.stl").unlink()
     limited = replace(request_, limits={"time_limit_s": 1e-9})
     results = plan_folder(parts, tmp_path / "out", limited, executor=ThreadPoolExecutor(1))
@@ -604,6 +604,6 @@ def test_reasons_of_several_targets_are_told_once():
     }
     assert _short_reasons(reasons) == [
         "no corner to measure to: e0, e2",
-        "hole: out of reach: far.",
+        "hole: out of reach: far",
         "x: none",
     ]

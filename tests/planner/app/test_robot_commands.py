@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from robot_cells import ROBOTS
 
-from planner import Cell, LightPlan, read_plan
+from planner import Backlight, Cell, LightPlan, read_plan
 from planner.app.main import main
 from planner.app.robot_commands import print_lamp_note
 
@@ -40,20 +40,26 @@ def test_a_program_is_written_and_its_rounds_are_printed(capsys):
 
 def test_lamps_are_said_to_be_no_obstacles_where_they_stand_somewhere(capsys):
     plan = read_plan(PLAN)
-    print_lamp_note(plan)
+    cell = Cell.from_toml(CELL)
+    print_lamp_note(plan, cell)
     assert capsys.readouterr().out == ""
     dark = ({},) * len(plan.settings)
     places = np.array([[100.0, 20.0, 300.0]])
     images = ((),) * len(plan.settings)
     placed = LightPlan("placed", 0.1, 0.1, "dark", places, images, dark, 1, "by hand")
-    print_lamp_note(replace(plan, light=placed))
+    print_lamp_note(replace(plan, light=placed), cell)
     printed = " ".join(capsys.readouterr().out.split())
     assert (
         "no obstacles of the cell: lamp 1 at (100, 20, 300) mm in the frame of the part" in printed
     )
     # this one moves with the camera
-    print_lamp_note(replace(plan, light=replace(placed, kind="ring")))
+    print_lamp_note(replace(plan, light=replace(placed, kind="ring")), cell)
     assert capsys.readouterr().out == ""
+    back = Backlight.horizontal((40.0, 25.0, -5e-15), 200.0, 160.0)
+    print_lamp_note(replace(plan, light=replace(placed, kind="backlight", area=back)), cell)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "no obstacle of the cell: a backlight of 200 x 160 mm at (40, 25, 0) mm" in printed
+    assert "State it as [fixturings.NAME.light]" in printed
 
 
 @pytest.mark.usefixtures("own_folder")
@@ -172,10 +178,12 @@ def cell_file(folder, x=600, z=0):
 
 
 def test_a_plan_that_is_reached(tmp_path, capsys):
-    assert (
-        main(["reach", PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", cell_file(tmp_path)]) == 0
-    )
+    out = tmp_path / "reached.json"
+    words = [PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", cell_file(tmp_path)]
+    assert main(["reach", *words, "--plan-out", str(out)]) == 0
     printed = capsys.readouterr().out
+    assert not out.exists()
+    assert "was not written: all settings are reached as planned" in printed
     count = len(json.loads(Path(PLAN_REACH_COMMAND).read_text("utf-8"))["settings"])
     assert f"{count} of {count} settings reached: {count} in 'up'" in printed
     assert "setting_01 in 'up': tool0 at (" in printed
@@ -399,7 +407,7 @@ def test_links_without_bodies_are_told_with_every_table_and_program(tmp_path, ca
     assert words in capsys.readouterr().err
     home = stated.replace("cam2flange", "home_deg = [0, -110, 100, 0, 90, 0]\ncam2flange")
     path.write_text(home, encoding="utf-8")
-    for kind in ("urscript", "rapid", "krl", "ros", "csv", "json"):
+    for kind in ("urscript", "rapid", "krl", "fanuc", "ros", "csv", "json"):
         out = tmp_path / f"program.{kind}"
         given = [
             "program",
@@ -412,7 +420,11 @@ def test_links_without_bodies_are_told_with_every_table_and_program(tmp_path, ca
             "--quiet",
         ]
         assert main([*given, "--out", str(out)]) == 0
-        assert words in out.read_text("utf-8")
+        text = out.read_text("utf-8")
+        if kind == "fanuc":
+            # its remarks are short
+            text = " ".join(re.findall(r": +! (.*) ;", text))
+        assert words in text
         assert f"warning: {words}" in " ".join(capsys.readouterr().out.split())
 
 

@@ -23,6 +23,7 @@ from box_requests import (
 from grid_box import EDGES, BoxCell, BoxCells, BoxSpace
 from scipy.spatial.transform import Rotation
 
+from ground.shared import Shared
 from planner import Camera, PoseUncertainty
 from planner.bound import pose_space
 from planner.bound.boxes import FOUND, PROVEN
@@ -52,7 +53,6 @@ from planner.bound.windows import (
 from planner.camera.pose import look_at, world_to_cam
 from planner.cover import columns_of_covers, core_columns, fractional_cover, min_cover
 from planner.effort import NORMAL, Effort
-from planner.executors import Shared
 from planner.request.constraints import Requirements, field_of_view_slacks, focus_slacks
 from planner.request.problem import Problem
 from planner.request.reach import TargetSpace

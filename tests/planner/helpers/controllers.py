@@ -1,8 +1,10 @@
-"""Small interpreters of URScript, RAPID and KRL: statements that programs of inspections use, with a clock and signals.
+"""Small interpreters of URScript, RAPID, KRL and FANUC's programs, with a clock and signals.
 
-They share nothing with what writes these programs. A statement that they do not know is an error.
+They know the statements that programs of inspections use, and share nothing with what writes these programs. Any other
+statement is an error.
 """
 
+import math
 import re
 from dataclasses import dataclass, field
 
@@ -203,3 +205,111 @@ def run_krl_image(text, world):
             raise AssertionError(line)
     assert depth == 0
     _run(lines, world)
+
+
+# of a remark, and of a message on FANUC's pendant
+REMARK = 32
+MESSAGE = 24
+NUMBER = r"\(?(-?\d+(?:\.\d+)?)\)?"
+
+
+def fanuc_statements(text):
+    """Return the statements of a program of FANUC; their numbers count up, and the head says how many there are."""
+    body = re.search(r"^/MN\n(.*?)\n/POS$", text, re.DOTALL | re.MULTILINE)[1].splitlines()
+    statements = []
+    for number, line in enumerate(body, start=1):
+        match = re.fullmatch(r" *(\d+):(  |(?=J ))(\S.*) ;", line)
+        assert match, line
+        assert int(match[1]) == number
+        statements.append(match[3])
+    assert f"LINE_COUNT\t= {len(statements)};" in text
+    return statements
+
+
+def fanuc_positions(text):
+    """Return the axes of its positions by number, degrees."""
+    positions = {}
+    listed = text[text.index("\n/POS\n") : text.index("\n/END")]
+    for match in re.finditer(
+        r"^P\[(\d+)\]\{\n   GP1:\n\tUF : 0, UT : 0,\t\n(.*?)\n\};", listed, re.DOTALL | re.M
+    ):
+        axes = re.findall(r"([JE]\d)= *(-?\d+\.\d{3}) deg", match[2])
+        assert [name for name, _ in axes] == ["J1", "J2", "J3", "J4", "J5", "J6", "E1"][: len(axes)]
+        positions[int(match[1])] = [float(angle) for _, angle in axes]
+    return positions
+
+
+def run_fanuc(statements, positions, world):
+    """Run statements; a pause is started again."""
+    labels = {
+        match[1]: k for k, s in enumerate(statements) if (match := re.fullmatch(r"LBL\[(\d+)\]", s))
+    }
+    registers = {}
+    stands = []
+    timeout = math.nan
+    remark = message = ""
+    k = 0
+    while k < len(statements):
+        line = statements[k]
+        k += 1
+        if line.startswith("!"):
+            assert len(line) <= REMARK + 1, line
+            remark = f"{remark} {line[1:].strip()}".strip()
+            continue
+        if match := re.fullmatch(r"MESSAGE\[([A-Za-z ]+)\]", line):
+            message = match[1]
+            assert len(message) <= MESSAGE
+            continue
+        if line == "PAUSE":
+            if message in ("Put in the part", "Not at home"):
+                world.images.append(f"({message})")
+            else:
+                world.ask(f"{message}: {remark}")
+        elif match := re.fullmatch(r"JMP LBL\[(\d+)\]", line):
+            k = labels[match[1]]
+        elif match := re.fullmatch(r"\$WAITTMOUT=(\d+)", line):
+            timeout = int(match[1]) / 100
+            assert int(match[1]) <= 32767
+        elif match := re.fullmatch(r"WAIT +(\d*\.\d\d)\(sec\)", line):
+            world.sleep(float(match[1]))
+        elif match := re.fullmatch(r"WAIT DI\[\d+\]=(ON|OFF) TIMEOUT,LBL\[(\d+)\]", line):
+            if world.wait_for(match[1] == "ON", timeout):
+                k = labels[match[2]]
+        elif match := re.fullmatch(r"DO\[(\d+)\]=PULSE,(\d+\.\d)sec", line):
+            world.pulse(int(match[1]), float(match[2]))
+        elif match := re.fullmatch(r"PR\[\d+\]=JPOS", line):
+            stands = [math.degrees(angle) for angle in world.position]
+        elif match := re.fullmatch(r"R\[(\d+)\]=PR\[\d+,(\d)\]", line):
+            registers[match[1]] = stands[int(match[2]) - 1]
+        elif match := re.fullmatch(rf"IF R\[(\d+)\]([<>]){NUMBER},JMP LBL\[(\d+)\]", line):
+            value = registers[match[1]]
+            if value > float(match[3]) if match[2] == ">" else value < float(match[3]):
+                k = labels[match[4]]
+        elif match := re.fullmatch(r"J P\[(\d+)\] (\d+%|\d+msec|\d+\.\dsec) FINE", line):
+            world.position = [math.radians(angle) for angle in positions[int(match[1])]]
+            world.moves.append(world.position)
+            if match[2].endswith("msec"):
+                world.sleep(int(match[2].removesuffix("msec")) / 1000)
+        elif not re.fullmatch(r"LBL\[\d+\]|UFRAME_NUM=0|UTOOL_NUM=0", line):
+            raise AssertionError(line)
+        if re.fullmatch(r"setting_\d+\.png", remark):
+            world.images.append(remark)
+        remark = ""
+    world.finish_pulse()
+
+
+def run_fanuc_image(text, world):
+    """Run the statements that take the first image."""
+    statements = fanuc_statements(text)
+    first = next(
+        k
+        for k, line in enumerate(statements)
+        if line.startswith("! setting_") and line.endswith("png")
+    )
+    end = next(k for k in range(first, len(statements)) if statements[k].startswith("J "))
+    # the time that the program sets at its start
+    waits = [line for line in statements if line.startswith("$")]
+    try:
+        run_fanuc([*waits, *statements[first:end]], {}, world)
+    finally:
+        world.finish_pulse()

@@ -4,6 +4,7 @@ A row is that of Craig's convention: the frame of a joint is Rx(alpha) · Tx(a) 
 mm and degrees, then the limits and the largest speed, degrees. Lengths are those that the makers publish in data sheets
 and manuals, limits are rounded. Of FANUC's CRX see Abbes and Poisson, Robotics 13 (2024), 91; of Franka's arm the FCI
 documentation, "Denavit-Hartenberg parameters"; of UR5e "DH parameters for calculations of kinematics and dynamics".
+ABB's IRB 2400 and FANUC's M-20iD/25 count axis 3 from the horizon.
 """
 
 from __future__ import annotations
@@ -100,6 +101,16 @@ ARMS = {
         72.0,
         50.0,
     ),
+    "abb_irb2400": (
+        _spherical(615, 100, 705, 135, 755, (180, 100, 60, 200, 120, 400), 150),
+        85.0,
+        80.0,
+    ),
+    "fanuc_m20id25": (
+        _spherical(425, 75, 840, 215, 890, (185, 100, 150, 200, 180, 360), 200),
+        90.0,
+        80.0,
+    ),
     "denso_vs060": (
         _spherical(345, 0, 305, -10, 300, (170, 120, 125, 270, 120, 360), 300),
         70.0,
@@ -141,6 +152,10 @@ ARMS = {
 """Rows, the flange beyond the last joint, mm, and the radius of the links, mm, by name."""
 
 
+COUPLED = {"abb_irb2400": ((3, 2, 1.0),), "fanuc_m20id25": ((3, 2, 1.0),)}
+"""Axes that the makers' controllers count in another way than these models."""
+
+
 def urdf_of(name, rows, flange_mm, radius_mm):
     """Return the URDF of an arm; its tip is ``tool0``."""
     poses = [_pose(row) for row in rows]
@@ -164,6 +179,11 @@ def urdf_of(name, rows, flange_mm, radius_mm):
         "</robot>",
     ]
     return "\n".join(parts)
+
+
+def joint_poses(name):
+    """Return the poses (k, 4, 4) of the joints at zero, each in the one before, mm."""
+    return np.array([_pose(row) for row in ARMS[name][0]])
 
 
 def _pose(row):
@@ -239,4 +259,4 @@ def made_arm(name, around=None, within=0.0, **options):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.urdf"
         path.write_text(urdf_of(name, rows, flange_mm, radius_mm), encoding="utf-8")
-        return Robot.from_urdf(path, **options)
+        return Robot.from_urdf(path, **{"coupled": COUPLED.get(name, ()), **options})

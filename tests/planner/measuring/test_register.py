@@ -258,7 +258,7 @@ def test_images_that_are_exchanged_are_named(solid, images):
     swapped = {1: images[2], 2: images[1]}
     results = measure(measured_plan(solid, ["left"]), solid, swapped)
     assert set(results.failed) == {"setting_01", "setting_02"}
-    rule = r"only \d\d % of the part's visible edges were found where it has them; it looks like setting_02$"
+    rule = r"only \d\d % of the part's visible edges were found where the model has them; it looks like setting_02$"
     assert re.match(rule, results.failed["setting_01"])
     assert "cannot be registered" in results["left"].reason
 
@@ -354,7 +354,7 @@ def test_a_refusal_says_what_the_light_does_not_show(model, images):
     prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02, CAMERA)
     dark = images[1].copy()
     dark[:, dark.shape[1] // 2 :] = 3
-    rule = r"only \d\d % of the part's visible edges were found where it has them; [3-7]\d % lack contrast$"
+    rule = r"only \d\d % of the part's visible edges were found where the model has them; [3-7]\d % lack contrast$"
     with pytest.raises(NotRegisteredError, match=rule):
         register(model, [Picture.of("one", dark, CAMERA)], POSES[0], prior)
 

@@ -16,6 +16,7 @@ from planner.report.coverage import (
     boxes_of,
     coverage,
     coverage_html,
+    joined_settings,
     requirement_name,
     verdict_text,
 )
@@ -62,6 +63,31 @@ def test_each_requirement_is_marked_once_with_settings_or_the_reason(plan):
     assert rows[1].text == "1 of 2; setting 1; outside the field of view"
     assert rows[1].boxes == ["2× ⌀", "16 ±0.1"]
     assert verdict_text(rows) == "1 of 3 requirements covered. 1 requirement in part."
+
+
+def test_settings_that_show_a_position_together_are_named():
+    made = plate.measured_plan(plate.thick_plate(), ("left", "right", "width"), 2)
+    left, right = (made.targets[name].entities[0] for name in ("left", "right"))
+    bolt = plate.dimension("position", (left, "front", right), (RIM, FRONT, OTHER), (0.0, 0.25))
+    shown = (("left",), ("right", "width"))
+    plan = changed(
+        made,
+        targets=(*made.targets.values(), replace(bolt, name="bolt")),
+        settings=tuple(
+            replace(setting, entities=names, probability=dict.fromkeys(names, 0.95))
+            for setting, names in zip(made.settings, shown, strict=True)
+        ),
+        uninspectable={"bolt": "outside the field of view"},
+    )
+    assert joined_settings(plan, "bolt") == [1, 2]
+    assert joined_settings(plan, "left") == []
+    text = "outside the field of view; settings 1, 2 show its rim and datums apart, so measure may read it"
+    assert coverage(plan)[-1].text == text
+    # the datum edge is in no setting
+    fewer = replace(plan.settings[1], entities=("right",), probability={"right": 0.95})
+    missing = {"bolt": "outside the field of view", "width": "too large"}
+    plan = changed(plan, settings=(plan.settings[0], fewer), uninspectable=missing)
+    assert joined_settings(plan, "bolt") == []
 
 
 def test_the_page_escapes_names_and_has_a_frame_for_each_value(plan):

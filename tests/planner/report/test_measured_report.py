@@ -19,6 +19,7 @@ from planner.report.measured_report import (
     PLANNED,
     REGISTERED,
     _accepted_text,
+    print_results,
     residual_plot,
     value_bar,
 )
@@ -88,7 +89,7 @@ def test_what_is_not_measured_comes_first_and_is_named():
     dark = measure(plan, solid, {1: np.zeros((512, 640), np.uint8)})
     page = measured_html(dark)
     assert "Not measured: setting_01: the image cannot be registered" in page
-    assert "Cannot be registered: only" in page
+    assert "Cannot be registered: none of the part" in page
 
 
 def test_the_outline_is_drawn_as_planned_and_as_registered():
@@ -173,3 +174,23 @@ def test_ten_targets_fit_on_six_pages(results, tmp_path):
         shutil.rmtree(folder, ignore_errors=True)
     n_pages = len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(pdf["data"])))
     assert 2 <= n_pages <= 6
+
+
+def test_images_with_one_fault_are_told_of_once(results, capsys):
+    why = "none of the edges were found; expose for 40 times as long: the image is dark"
+    names = [f"setting_0{k}" for k in (1, 2)]
+    lost = {
+        result.name: replace(
+            result, value=np.nan, reason=f"setting_01: the image cannot be registered: {why}"
+        )
+        for result in results
+    }
+    notes = ["setting_01: dark: expose for 40 times as long", "setting_02: blurred"]
+    dark = replace(results, results=lost, failed=dict.fromkeys(names, why), notes=notes)
+    print_results(dark)
+    printed = capsys.readouterr().out
+    assert printed.count(why) == 1
+    assert f"setting_01 and setting_02 cannot be registered: {why}" in printed
+    assert "not measured: left and right: setting_01 and setting_02 are not registered" in printed
+    assert "note: setting_02: blurred" in printed
+    assert "note: setting_01" not in printed

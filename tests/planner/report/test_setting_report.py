@@ -22,7 +22,14 @@ from planner.verify.setting_record import _check_same
 
 def dimension(**fields):
     return SimpleNamespace(
-        **{"nominal": 20.0, "tolerance": (-0.1, 0.3), "unit": "mm", "geometry": (), **fields}
+        **{
+            "kind": "length",
+            "nominal": 20.0,
+            "tolerance": (-0.1, 0.3),
+            "unit": "mm",
+            "geometry": (),
+            **fields,
+        }
     )
 
 
@@ -39,6 +46,14 @@ def test_tolerances_are_told_with_their_signs():
     assert texts(_nominal(dimension())) == ["20 mm", "+0.3", "-0.1"]
     assert texts(_nominal(dimension(tolerance=(-0.1, 0.0)))) == ["20 mm", "0", "-0.1"]
     assert texts(_nominal(dimension(tolerance=None))) == ["20 mm"]
+
+
+def test_a_position_has_a_zone_and_no_limits():
+    """Limits of the length of a deviation would refuse a hole at its true position."""
+    zone = {"kind": "position", "nominal": 0.0, "tolerance": (0.0, 0.2), "material": None}
+    given = dimension(**zone, datum_names=("A", "B"))
+    assert texts(_nominal(given)) == ["⌀0.2 | A | B"]
+    assert texts(_accepted(given, 0.01)) == ["decided in a disc"]
 
 
 def test_the_permitted_error_is_a_share_of_the_tolerance():

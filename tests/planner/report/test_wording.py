@@ -369,6 +369,6 @@ def test_edges_planned_as_sharp_are_told_with_the_u_that_measuring_will_state():
     sharp = 0.10819982  # U of bore_35_back in plan.json
     assert "would move bore_35_back by up to 0.2 mm, its U is 0.11 mm" in text
     broken = 2.0 * math.sqrt(4.0 * 0.05**2 / 9.0)
-    assert f"Its U is then about {math.hypot(sharp, broken):.2g} mm" in text
+    assert f"Its U is then at most about {math.hypot(sharp, broken):.2g} mm" in text
     stated = replace(example, request=replace(example.request, edge_break_mm=(0.0, 0.1)))
     assert unstated_edges_text(stated) == ""

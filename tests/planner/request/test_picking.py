@@ -244,6 +244,105 @@ def test_two_that_are_clicked_become_a_dimension(notebook, places, part):
     assert target.nominal == pytest.approx(np.linalg.norm(ends[1] - ends[0]))
 
 
+@needs_browser
+def test_a_position_is_offered_where_the_plan_has_one(browser, tmp_path):
+    """Every rim with up to three datums, in every order: what the page completes, the plan takes."""
+    outline = [(-20, -10), (25, -10), (20, 10), (-20, 12)]
+    bores = [ring(4.0, 24, clockwise=True), ring(2.0, 24, (10.0, 3.0), clockwise=True)]
+    solid = prism(outline, 10, bores)
+    rims = [*solid.rims()][:3]
+    ends = {edge.id: solid.edge_points(edge.id) for edge in solid.straight_edges()}
+    # two that cross, two that are parallel, and one along the axis of the bores
+    chosen = [
+        next(k for k, at in ends.items() if {tuple(p) for p in at} == {first, second})
+        for first, second in (
+            ((-20, -10, 0), (25, -10, 0)),
+            ((-20, -10, 10), (25, -10, 10)),
+            ((20, 10, 0), (25, -10, 0)),
+            ((-20, -10, 0), (-20, 12, 0)),
+            ((20, 10, 0), (20, 10, 10)),
+        )
+    ]
+    path = tmp_path / "page.html"
+    path.write_text(picker_html(solid, chosen, [rim.id for rim in rims]), encoding="utf-8")
+    page = browser.page(path)
+    offered = page.run(
+        "(() => { const found = []; const go = (of) => {"
+        " const frame = datumFrame(items[of[0]], of.slice(1).map((k) => items[k]));"
+        " if (frame.isComplete && of.length > 1) found.push(of.map((k) => items[k].id).join());"
+        " if (of.length < 4) nextDatums(items, of).forEach((k) => go([...of, k])); };"
+        " items.forEach((item, k) => item.kind === 'rim' && go([k])); return found; })()"
+    )
+    page.close()
+    shapes = {str(k): Line(*ends[k]) for k in chosen}
+    shapes |= {rim.id: Circle(rim.centre, rim.axis, rim.radius_mm) for rim in rims}
+    defined = set()
+    for rim in rims:
+        others = [name for name in shapes if name != rim.id]
+        for n in (1, 2, 3):
+            for datums in permutations(others, n):
+                with contextlib.suppress(MeasurandError):
+                    measurand("position", [shapes[name] for name in (rim.id, *datums)])
+                    defined.add(",".join((rim.id, *datums)))
+    assert set(offered) == defined
+    assert len(defined) > 50
+
+
+@needs_browser
+def test_a_hole_and_its_datums_that_are_clicked_become_a_position(browser, part, tmp_path):
+    path = tmp_path / "page.html"
+    path.write_text(picker_html(part), encoding="utf-8")
+    page = browser.page(path)
+    rests = "state.codes !== null && !state.timer && !state.frame"
+    page.wait(rests)
+    page.run("document.getElementById('position').click()")
+    rim = next(rim for rim in part.rims() if rim.centre[2] > 5)
+    ends = {edge.id: part.edge_points(edge.id) for edge in part.straight_edges()}
+    # of the top, in view: along x and along y
+    along = next(k for k, at in ends.items() if (at[:, 1:] == [-10, 10]).all())
+    across = next(k for k, at in ends.items() if (at[:, 0] == 20).all() and (at[:, 2] == 10).all())
+
+    def click(name):
+        k = f"items.findIndex((one) => one.id === '{name}')"
+        page.wait(rests)
+        spot = f"lines[{k}].length === 2 ? middles[{k}] : lines[{k}][0]"
+        page.click(*page.run(f"scene.project([{spot}])[0]"))
+
+    shown = "items.filter((_, k) => isShown(k)).map(({ kind }) => kind)"
+    every = "items.map(({ id }) => id)"
+    assert set(page.run(shown)) == {"rim"}
+    click(rim.id)
+    # an edge along the axis of the hole is no datum
+    upright = {str(k) for k, at in ends.items() if at[0][2] != at[1][2]}
+    names = "items.filter((_, k) => isShown(k)).map(({ id }) => id)"
+    assert set(page.run(names)) == set(page.run(every)) - upright
+    click(along)
+    assert "one is needed" in page.run("document.getElementById('between').textContent")
+    click(across)
+    page.run("$('zone').value = '⌀0.2'; $('zone').dispatchEvent(new Event('input'))")
+    page.run("document.getElementById('collect-position').click()")
+    (name,) = read_wanted(saved_as(page, tmp_path), kinds())
+    assert name == f"position_{rim.id}_e{along}_e{across}"
+    expected = Dimension.position(rim.id, [along, across], 0.2)
+    assert read_wanted(saved_as(page, tmp_path), kinds()) == {name: expected}
+    record = page.run("choice.record()")
+    assert dimension_files._picked(record["rows"]) == ({}, {name: expected}, "")
+    page.run("choice.remove([...choice.names.keys()]); choice.items.pop()")
+    page.run(f"choice.restore({json.dumps(record)})")
+    assert page.run("choice.record()") == record
+    page.run("$('by-ends').click()")
+    (at_ends,) = read_wanted(saved_as(page, tmp_path), kinds()).values()
+    targets = [resolve_wanted(part, {name: item}, 0.98)[1][0] for item in (expected, at_ends)]
+    assert targets[0].measurand.datum_names(targets[0].entities) == [f"e{along}", f"e{across}"]
+    assert targets[1].permitted_error == targets[0].permitted_error == 0.05
+    # without a zone there is no file
+    page.run("choice.tolerances.clear(); chosen()")
+    assert "needs its zone" in page.run("$('fault').textContent")
+    assert page.run("$('save').disabled")
+    assert page.complaints == []
+    page.close()
+
+
 def row(name, entity, kind, **more):
     asked = {kind: entity, **more}
     return {"id": str(entity), "name": name, "key": name, "entity": entity, "asked": asked}

@@ -29,7 +29,10 @@ def test_a_file_names_its_datums_once(tmp_path):
         C = "r7"
         """,
     )
-    assert items["bolt"] == Dimension.position("r3", [17, 18], 0.2)
+    # reports name the datums as the drawing does, the parallel one too
+    frame = ("A", "B", "e18")
+    assert items["bolt"] == Dimension.position("r3", [17, 18], 0.2, frame=frame)
+    assert items["pin"].frame == ("B", "C")
     assert items["pin"].entities == ("r4", 17, "r7")
     assert items["pin"].tolerance == pytest.approx((0.0, 0.254))
     # half of the radius of the zone, as a diameter
@@ -165,3 +168,23 @@ def test_slots_symmetry_and_coaxiality_are_read_from_files(tmp_path):
     assert items["step"] == Dimension.coaxiality("r8", "r9", 0.1)
     assert items["free"].entities == ("r0", "r1", "r2")
     assert items["free"].groups == (0,)
+
+
+def test_several_rims_are_a_pattern_as_the_datum(tmp_path):
+    items = wanted(
+        tmp_path,
+        """
+        bolt = { position = "r9", zone = 0.2, datums = ["P", "e17"] }
+        pin = { position = "r9", zone = 0.2, datums = [17, ["r12", "r14"]] }
+        [datums]
+        P = ["r1", "r2", "r3"]
+        """,
+    )
+    assert items["bolt"] == Dimension.position(
+        "r9", [["r1", "r2", "r3"], 17], 0.2, frame=("P", "e17")
+    )
+    assert (items["bolt"].entities, items["bolt"].groups) == (("r9", "r1", "r2", "r3", 17), (3, 1))
+    # ids of three letters are no end points
+    assert (items["pin"].entities, items["pin"].groups) == (("r9", 17, "r12", "r14"), (1, 2))
+    ends = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
+    assert Dimension.position("r9", [ends, 17], 0.2).groups == ()

@@ -162,6 +162,23 @@ def fixturing(x=700.0, light_x=700.0, **options):
     )
 
 
+def test_lines_of_sight_meet_the_bright_rectangle_where_similar_triangles_say():
+    light = LightBox.of(BACK, pose((710.0, 0.0, 40.0)))
+    eye = np.array([[700.0, 10.0, 440.0], [700.0, 10.0, 20.0]])
+    segment = np.array([[[690.0, 30.0, 240.0], [720.0, 10.0, 140.0]]])
+    ends, met = light.behind(eye, segment)
+    # half way down the ray goes twice as far; at three quarters, 4/3 as far
+    np.testing.assert_allclose(ends[0, 0], [[680.0, 50.0, 40.0], [700 + 80 / 3, 10.0, 40.0]])
+    assert met.tolist() == [[True], [False]]
+    assert np.isnan(ends[1]).all()
+    beside = np.array([0.0, 80.0, 0.0])
+    assert light.behind(eye[:1], segment + beside)[1].tolist() == [[False]]
+    # a segment in the plane is its own image; one below it has the plane before it
+    flat = np.array([[[650.0, 0.0, 40.0], [750.0, 0.0, 40.0]]])
+    np.testing.assert_allclose(light.behind(eye[:1], flat)[0][0], flat)
+    assert not light.behind(eye[:1], flat - [0, 0, 5.0])[1].any()
+
+
 REFUSED = {
     "two lights": (
         {

@@ -4,10 +4,23 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from robot_cells import TABLE, made_cell, pose
+from robot_cells import ROBOTS, TABLE, made_cell, pose
+from scipy.spatial import ConvexHull
 
 from aspectgraph import read_solid
-from planner import Box, Fixturing, PlannerError, RobotError, look_at, propose_layings
+from planner import (
+    Backlight,
+    Box,
+    Cell,
+    Fixturing,
+    LightBox,
+    PlannerError,
+    RobotError,
+    look_at,
+    propose_layings,
+)
+from planner.light.area_lights import light_of_cell
+from planner.robotcell.cell_file import laid_cell, toml_lines
 from planner.robotcell.laying import Posts, centre_of_mass, flat_sides
 
 EDGE = np.array([[0.0, 0.0, 40.0], [60.0, 0.0, 40.0]])
@@ -106,9 +119,29 @@ def test_a_side_that_the_centre_of_mass_is_not_above_carries_nothing():
 
 def test_a_box_tips_over_its_nearest_side():
     side = flat_sides(box(60.0, 100.0, 40.0))[0]
-    assert side.tips_at_rad(0.0, 0) == pytest.approx(np.arctan2(30.0, 20.0))
-    assert side.tips_at_rad(50.0, 0) == 0.0
-    assert 0 < side.tips_at_rad(50.0, 1) < side.tips_at_rad(0.0, 0)
+    assert side.tips_at_rad(side.outline) == pytest.approx(np.arctan2(30.0, 20.0))
+    assert side.tips_at_rad(side.stands[0]) == 0.0
+    assert 0 < side.tips_at_rad(side.stands[1]) < side.tips_at_rad(side.outline)
+
+
+def test_a_part_that_reaches_beyond_its_table_tips_over_its_border(block):
+    tower = made_cell(
+        fixturings={
+            "up": Fixturing(
+                pose((690.0, -30.0, 20.0)), {"tower": Box((700, -6, 0), (760, 5, 20), np.eye(4))}
+            )
+        }
+    )
+    found = propose_layings(PLAN, block, tower, "tower", post_heights_mm=(0.0,), draws=40, rng=2)
+    assert found
+    sides = flat_sides(block)
+    for way in found:
+        (laying,) = way.layings.values()
+        # over the nearer border of the strip, which is at most 11 mm wide
+        x, y = laying.foot_mm
+        apart = min(y + 6.0, 5.0 - y, x - 700.0, 760.0 - x)
+        expected = np.degrees(np.arctan2(apart, sides[laying.side - 1].height_mm))
+        assert laying.tips_at_deg == pytest.approx(expected, abs=1e-6)
 
 
 def test_posts_stand_below_material_and_around_the_centre_of_mass():
@@ -216,15 +249,159 @@ def test_a_search_that_cannot_be_is_refused(block, table, options, message):
         propose_layings(PLAN, block, made_cell(), table, **options)
 
 
-def test_a_tilted_table_or_a_turntable_is_refused(block):
+AXIS = ((700.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+PLATE = Box((550.0, -150.0, 40.0), (850.0, 150.0, 60.0))
+
+
+def turning_cell(**changes):
+    """A cell with a plate on its drive, and a clamp on the plate."""
+    clamp = Box((560.0, 0.0, 60.0), (580.0, 20.0, 90.0))
+    options = {"axis": AXIS, "angles": 8, "turning": {"plate": PLATE, "clamp": clamp}} | changes
+    around = {"table": TABLE, "drive": Box((600.0, -100.0, 0.0), (800.0, 100.0, 40.0))}
+    lying = Fixturing(pose((700.0, 0.0, 60.0)), around, **options)
+    return made_cell(fixturings={"up": lying})
+
+
+def test_a_part_is_laid_on_a_turntable_and_each_setting_has_its_angle(block):
+    cell = turning_cell()
+    best = propose_layings(PLAN, block, cell, "plate", draws=30, rng=1)[0]
+    (lying,) = best.fixturings.values()
+    # the clamp held the part as it lay
+    assert set(lying.obstacles) == {"table", "drive"}
+    assert "clamp" not in lying.turning
+    assert lying.turning["plate"] == PLATE
+    assert lying.table.angles == cell.fixturings["up"].table.angles
+    placed = block.vertices @ lying.part2base[:3, :3].T + lying.part2base[:3, 3]
+    (laying,) = best.layings.values()
+    assert placed[:, 2].min() == pytest.approx(60.0 + laying.post_mm, abs=1e-6)
+    # the same angle by angle, on tables that stand still
+    reached = np.zeros(len(PLAN.settings), dtype=bool)
+    for angle in lying.table.angles:
+        still = made_cell(fixturings={"up": lying.at(angle)}).reachability(PLAN, block)
+        reached |= still.reached[:, 0]
+    assert best.n_reached == reached.sum() > 1
+
+
+BACK = LightBox.of("backlight:basler-back-200x300", pose((700.0, 0.0, 40.0)))
+
+
+def lit_cell(*others):
+    around = {"table": TABLE, "light": BACK, **dict(others)}
+    return made_cell(fixturings={"up": Fixturing(pose((680.0, -20.0, 40.0)), around)})
+
+
+def test_a_part_is_laid_on_its_backlight_in_one_way(block):
+    found = propose_layings(PLAN, block, lit_cell(), "light", draws=40, rng=1)
+    assert {len(way.layings) for way in found} == {1}
+    for way in found:
+        (lying,) = way.fixturings.values()
+        # the table below the light is the old way's own
+        assert "table" not in lying.obstacles
+        assert lying.obstacles["light"] == BACK
+        assert made_cell(fixturings=way.fixturings).light.name == BACK.name
+
+
+def lit_plan(*settings, unlit=()):
+    plan = plan_of(*settings)
+    area = Backlight.horizontal((0.0, 0.0, -5.0), 200.0, 300.0)
+    plan.light = SimpleNamespace(kind="backlight", area=area, unlit=[unlit] * len(settings))
+    return plan
+
+
+def test_a_setting_counts_only_with_the_backlight_behind_its_targets(block):
+    # the edge is 60 mm long and 40 mm above the light, below this camera
+    above = lit_plan(setting((30, 20, 330)))
+    assert lit_cell().reachability(above, block).complete
+    # from the side, the line of sight leaves the rectangle; without a backlight it would do
+    aside = lit_plan(setting((40, -220, 85)))
+    (told,) = lit_cell().reachability(aside, block).poses["up"]
+    assert told.why == "the backlight is not behind edge"
+    assert lit_cell().reachability(plan_of(*aside.settings), block).complete
+    assert lit_cell().reachability(lit_plan(*aside.settings, unlit=("edge",)), block).complete
+    # a plan for the backlight of this cell has decided what shows
+    aside.light.area = light_of_cell(lit_cell())
+    assert lit_cell().reachability(aside, block).complete
+
+
+def test_nothing_may_stand_between_a_target_and_its_backlight(block):
+    # the line of sight past the edge goes outwards, over the border of the part's hull
+    slanted = lit_plan(setting((30, 130, 330)))
+    assert lit_cell().reachability(slanted, block).complete
+    bar = Box((600.0, -60.0, 41.0), (800.0, -25.0, 55.0))
+    (told,) = lit_cell(("bar", bar)).reachability(slanted, block).poses["up"]
+    assert told.why == "bar hides the backlight behind edge"
+
+
+FILE = """
+cam2flange = {{ xyz = [0, 0, 90] }}
+[robot]
+urdf = "{robots}/made_parallel.urdf"
+packages = {{ made_robots = "{robots}" }}
+[fixturings.up]
+part2base = {{ xyz = [700, 0, 60] }}
+axis = {{ point = [700, 0, 0], direction = [0, 0, 1] }}
+angles_deg = [0, 90, 180]
+turn_speed = 1.0
+[fixturings.up.obstacles.drive]
+mesh = "drive.stl"
+[fixturings.up.turning.clamp]
+low = [600, 0, 60]
+high = [620, 20, 90]
+[fixturings.up.light]
+name = "backlight:basler-back-200x300"
+pose = {{ xyz = [700, 0, 60] }}
+"""
+
+
+def test_the_file_of_a_proposal_is_its_cell(block, tmp_path):
+    """A backlight is the plate of a turntable, and its drive is a mesh."""
+    write_stl(tmp_path / "drive.stl", Box((650, -50, 0), (750, 50, 40)))
+    path = tmp_path / "cell.toml"
+    path.write_text(FILE.format(robots=ROBOTS), encoding="utf-8")
+    cell = Cell.from_toml(path)
+    best = propose_layings(PLAN, block, cell, "light", draws=20, rng=4)[0]
+    (tmp_path / "away").mkdir()
+    out = tmp_path / "away" / "laid.toml"
+    content = laid_cell(path, best.fixturings, out.parent)
+    out.write_text("\n".join(toml_lines(content)), encoding="utf-8")
+    read = Cell.from_toml(out)
+    ((name, lying),) = best.fixturings.items()
+    again = read.fixturings[name]
+    np.testing.assert_array_equal(again.part2base, lying.part2base)
+    assert again.table.numbers == lying.table.numbers
+    assert set(again.turning) == set(lying.turning)
+    np.testing.assert_allclose(read.light.pose, cell.with_fixturings(best.fixturings).light.pose)
+    reached = read.reachability(PLAN, block).reached
+    np.testing.assert_array_equal(reached, best.reachability.reached)
+
+
+def write_stl(path, body):
+    corners = body.corners()
+    lines = ["solid box"]
+    for a, b, c in ConvexHull(corners).simplices:
+        if np.linalg.det(corners[[a, b, c]] - corners.mean(axis=0)) < 0:
+            b, c = c, b
+        lines.append("facet normal 0 0 0\nouter loop")
+        lines += [f"vertex {x} {y} {z}" for x, y, z in corners[[a, b, c]]]
+        lines.append("endloop\nendfacet")
+    path.write_text("\n".join([*lines, "endsolid box"]), encoding="utf-8")
+
+
+def test_a_table_that_does_not_carry_the_part_is_refused(block):
+    message = r"table must turn with the part.*'table'.*'plate', 'clamp'"
+    with pytest.raises(RobotError, match=message):
+        propose_layings(PLAN, block, turning_cell(), "table")
+    tilted = turning_cell(axis=((700, 0, 0), (0, 0.6, 0.8)), angles=[0.0])
+    with pytest.raises(RobotError, match="cell must have an upright turntable"):
+        propose_layings(PLAN, block, tilted, "plate")
+
+
+def test_a_tilted_table_is_refused(block):
     tilt = np.eye(4)
     tilt[:3, :3] = [[1, 0, 0], [0, 0.8, -0.6], [0, 0.6, 0.8]]
     tilted = Fixturing(pose((700.0, 0.0, 0.0)), {"table": Box((0, 0, -90), (9, 9, -80), tilt)})
     with pytest.raises(RobotError, match="table must have a level top"):
         propose_layings(PLAN, block, made_cell(fixturings={"up": tilted}), "table")
-    turning = Fixturing(pose((700.0, 0.0, 0.0)), {"table": TABLE}, axis=((700, 0, 0), (0, 0, 1)))
-    with pytest.raises(RobotError, match="cell must have no turntable"):
-        propose_layings(PLAN, block, made_cell(fixturings={"up": turning}), "table")
 
 
 def test_posts_are_checked_where_they_are_stated():

@@ -1,15 +1,18 @@
 """An arm of each maker, in its proportions: joints of poses by independent matrices, and a program that drives it."""
 
+import json
+
 import numpy as np
 import pytest
-from made_arms import ARMS, dh_forward, made_arm
+from made_arms import ARMS, COUPLED, dh_forward, joint_poses, made_arm, urdf_of
 from robot_cells import pose
 from robot_programs import block, plan_of
+from scipy.spatial.transform import Rotation
 
-from planner import Box, Cell, Fixturing, program_text, robot_program
+from planner import Box, Cell, Fixturing, Robot, RobotError, program_text, robot_program
 
 CAM2FLANGE = pose((0.0, 0.0, 140.0))
-LANGUAGES = {"abb": "rapid", "kuka_kr6": "krl", "ur5e": "urscript"}
+LANGUAGES = {"abb": "rapid", "kuka_kr6": "krl", "ur5e": "urscript", "fanuc": "fanuc"}
 # Abbes and Poisson (2024) find up to 16 for FANUC's CRX
 MOST = {"fanuc_crx10ia": 16}
 
@@ -59,3 +62,124 @@ def test_every_maker_has_a_program(name):
         reached = dh_forward(name, stop.joints[None])[0] @ CAM2FLANGE
         np.testing.assert_allclose(reached, cameras[stop.setting_idx], atol=1e-3)
     assert program_text(made, language_of(name))
+    if name in COUPLED:
+        data = json.loads(program_text(made, "json"))
+        assert data["coupled"] == [list(row) for row in COUPLED[name]]
+
+
+@pytest.mark.parametrize("name", COUPLED)
+def test_a_coupled_axis_is_the_angle_of_the_forearm_to_the_horizon(name):
+    robot = made_arm(name)
+    rng = np.random.default_rng(5)
+    for q in rng.uniform(-0.8, 0.8, (6, 6)):
+        axes = robot.controller.of(q)
+        leaned = axes + 0.3 * np.eye(6)[1]
+        # the rod keeps the forearm, and with it the whole hand, as it was
+        joints = leaned - [0.0, 0.0, leaned[1], 0.0, 0.0, 0.0]
+        before, after = dh_forward(name, np.array([q, joints]))
+        np.testing.assert_allclose(after[:3, :3], before[:3, :3], atol=1e-12)
+        np.testing.assert_allclose(robot.controller.of(joints), leaned, atol=1e-12)
+        upper_arm = ARMS[name][0][2][0]
+        moved = np.linalg.norm(after[:3, 3] - before[:3, 3])
+        assert moved == pytest.approx(2 * upper_arm * np.sin(0.15))
+
+
+UR_LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
+
+
+def calibrated_ur(folder, measured, **options):
+    """Write a UR5e as `ur_description` names it, and the measured origins of its joints as `ur_calibration` does."""
+    text = urdf_of("ur5e", *ARMS["ur5e"])
+    for number, link in enumerate(UR_LINKS, start=1):
+        text = text.replace(f'"link_{number}"', f'"left_{link}_link"')
+    (folder / "ur5e.urdf").write_text(text, encoding="utf-8")
+    lines = ["kinematics:"]
+    for link, origin in zip(UR_LINKS, measured, strict=True):
+        angles = Rotation.from_matrix(origin[:3, :3]).as_euler("xyz")
+        values = zip(("x", "y", "z"), origin[:3, 3] / 1000, strict=True)
+        values = [*values, *zip(("roll", "pitch", "yaw"), angles, strict=True)]
+        lines += [f"  {link}:", *(f"    {key}: {float(value)!r}" for key, value in values)]
+    lines.append("  hash: calib_12788084448423163542")
+    (folder / "calibration.yaml").write_text("\n".join(lines), encoding="utf-8")
+    return Robot.from_urdf(folder / "ur5e.urdf", calibration=folder / "calibration.yaml", **options)
+
+
+def measured_origins(seed):
+    """Return the origins of a UR5e's joints, each off by up to 0.5 mm and 1 mrad."""
+    rng = np.random.default_rng(seed)
+    origins = joint_poses("ur5e")
+    origins[:, :3, 3] += rng.uniform(-0.5, 0.5, (6, 3))
+    turns = Rotation.from_rotvec(rng.uniform(-1e-3, 1e-3, (6, 3))).as_matrix()
+    origins[:, :3, :3] = origins[:, :3, :3] @ turns
+    return origins
+
+
+def driven(origins, q):
+    """Return poses (n, 4, 4) of the tip by products of the measured origins, mm."""
+    poses = np.tile(np.eye(4), (len(q), 1, 1))
+    for k, origin in enumerate(origins):
+        turns = np.tile(np.eye(4), (len(q), 1, 1))
+        turns[:, :3, :3] = Rotation.from_rotvec(np.outer(q[:, k], [0.0, 0.0, 1.0])).as_matrix()
+        poses = poses @ origin @ turns
+    return poses
+
+
+def test_a_calibrated_arm_is_solved_on_its_own_lengths(tmp_path):
+    origins = measured_origins(4)
+    robot = calibrated_ur(tmp_path, origins)
+    q = np.random.default_rng(9).uniform(-3.0, 3.0, (60, 6))
+    # bent elbows and wrists: two branches that meet fix fewer digits
+    bent = (np.abs(np.sin(q[:, 2])) > 0.2) & (np.abs(np.sin(q[:, 4])) > 0.2)
+    flanges = driven(origins, q[bent])
+    np.testing.assert_allclose(robot.forward(q[bent]), flanges, atol=1e-9)
+    # the nominal arm misses by what was measured
+    missed = np.linalg.norm((dh_forward("ur5e", q[bent]) - flanges)[:, :3, 3], axis=1)
+    assert missed.min() > 0.1
+    refound = 0
+    for joints, flange, branches in zip(q[bent], flanges, robot.branches_of(flanges), strict=True):
+        reached = driven(origins, branches) - flange
+        assert np.abs(reached[:, :3, :3]).max() < 1e-9
+        assert np.abs(reached[:, :3, 3]).max() < 1e-6
+        turned = np.abs(branches - joints)
+        turned = np.abs(turned - 2 * np.pi * np.round(turned / (2 * np.pi)))
+        refound += bool((turned.max(axis=1) < 1e-6).any())
+    assert refound == bent.sum() > 20
+
+
+def test_joints_that_are_off_lead_where_the_arm_is(tmp_path):
+    nominal = made_arm("ur5e")
+    offsets = np.radians([0.1, -0.2, 0.05, 0.3, -0.1, 0.2])
+    (tmp_path / "arm.urdf").write_text(urdf_of("ur5e", *ARMS["ur5e"]), encoding="utf-8")
+    robot = Robot.from_urdf(tmp_path / "arm.urdf", joint_offsets=offsets.tolist())
+    q = np.random.default_rng(2).uniform(-3.0, 3.0, (20, 6))
+    np.testing.assert_allclose(robot.forward(q), nominal.forward(q + offsets), atol=1e-9)
+    assert (robot.lower == nominal.lower).all()
+    assert robot.state_name != nominal.state_name
+
+
+def test_a_calibration_that_is_none_is_refused(tmp_path):
+    origins = measured_origins(1)
+    far = origins.copy()
+    far[2, 0, 3] += 80.0
+    with pytest.raises(
+        RobotError, match=r"calibration: forearm must be within 50 mm .* Got 80.* mm"
+    ):
+        calibrated_ur(tmp_path, far)
+    calibrated_ur(tmp_path, origins)
+    path = tmp_path / "calibration.yaml"
+    text = path.read_text("utf-8")
+    wrong = {
+        text.replace("forearm:", "fore:"): r"calibration must name joints .* Got 'fore'; there are",
+        text.replace("roll", "rol", 1): r"calibration: shoulder: rol ",
+        "shoulder: {x: 0}": r"calibration must hold the mapping kinematics",
+        "kinematics: [": r"calibration must be YAML",
+    }
+    for content, message in wrong.items():
+        path.write_text(content, encoding="utf-8")
+        with pytest.raises(RobotError, match=message):
+            Robot.from_urdf(tmp_path / "ur5e.urdf", calibration=path)
+    with pytest.raises(RobotError, match="calibration must be a file that can be read"):
+        Robot.from_urdf(tmp_path / "ur5e.urdf", calibration=tmp_path / "none.yaml")
+    for offsets, message in (([0.1], "must have a number for each"), ([1.0] * 6, "at most 0.1")):
+        with pytest.raises(RobotError, match=f"joint_offsets {message}|joint_offsets must be"):
+            Robot.from_urdf(tmp_path / "ur5e.urdf", joint_offsets=offsets)

@@ -34,7 +34,7 @@ from planner import (
     write_program,
 )
 from planner.robotcell.arm import ControllerAxes
-from planner.robotcell.urdf import read_urdf
+from planner.robotcell.urdf import collada_points, read_urdf
 
 TEXT = urdf_text("made_wrist")
 FOURTH = '<joint name="axis_4" type="revolute">'
@@ -657,3 +657,103 @@ def test_the_link_base_is_the_frame_of_the_pendant():
     expected[2, 3] = 100.0
     np.testing.assert_allclose(arm.pendant, expected, atol=1e-9)
     assert read_urdf(text, "tool0").pendant is None
+
+
+# Meshes of COLLADA.
+
+
+DAE = """<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+ <asset>{asset}</asset>
+ <library_geometries><geometry id="box"><mesh>
+  <source id="corners"><float_array id="numbers" count="24">
+   0 0 0 2 0 0 0 3 0 2 3 0 0 0 5 2 0 5 0 3 5 2 3 5</float_array></source>
+  <vertices id="points"><input semantic="POSITION" source="#corners"/></vertices>
+ </mesh></geometry></library_geometries>
+ <library_visual_scenes><visual_scene id="scene">{nodes}</visual_scene></library_visual_scenes>
+ <scene><instance_visual_scene url="#scene"/></scene>
+</COLLADA>"""
+INSTANCE = '<instance_geometry url="#box"/>'
+
+
+def span(asset, nodes):
+    points = collada_points(DAE.format(asset=asset, nodes=nodes).encode(), "a.dae")
+    return points.min(axis=0).tolist(), points.max(axis=0).tolist()
+
+
+def test_corners_of_collada_are_where_its_nodes_put_them():
+    z_up = "<up_axis>Z_UP</up_axis>"
+    assert span(z_up, f"<node>{INSTANCE}</node>") == ([0, 0, 0], [2, 3, 5])
+    millimetres = f'<unit name="mm" meter="0.001"/>{z_up}'
+    np.testing.assert_allclose(
+        span(millimetres, f"<node>{INSTANCE}</node>"), [[0, 0, 0], [0.002, 0.003, 0.005]]
+    )
+    # the default: y points up, and what pointed along z comes forward along -y
+    np.testing.assert_allclose(span("", f"<node>{INSTANCE}</node>"), [[0, -5, 0], [2, 0, 3]])
+    # first scaled, then turned from x to y, then shifted; the parent shifts once more
+    inner = "<node><translate>10 0 0</translate><rotate>0 0 1 90</rotate><scale>1 2 1</scale>"
+    nodes = f"<node><matrix>1 0 0 0 0 1 0 0 0 0 1 7 0 0 0 1</matrix>{inner}{INSTANCE}</node></node>"
+    np.testing.assert_allclose(span(z_up, nodes), [[4, 0, 7], [10, 2, 12]], atol=1e-12)
+
+
+def test_links_with_collada_are_those_with_other_meshes(tmp_path):
+    # cube.obj reaches from -0.5 to 0.5
+    centred = f"<node><translate>-1 -1.5 -2.5</translate>{INSTANCE}</node>"
+    content = DAE.format(asset="<up_axis>Z_UP</up_axis>", nodes=centred)
+    (tmp_path / "box.dae").write_text(content, encoding="utf-8")
+    text = urdf_text("made_wrist")
+    cube = 'filename="package://made_robots/cube.obj" scale="0.45 0.36 0.34"'
+    assert cube in text
+    text = text.replace(cube, 'filename="box.dae" scale="0.225 0.12 0.068"')
+    read = from_text(tmp_path, text)
+    plain = made_robot("made_wrist")
+    for hulls, others in zip(read.hulls, plain.hulls, strict=True):
+        for hull, other in zip(hulls, others, strict=True):
+            corners = [np.unique(points.corners.round(6), axis=0) for points in (hull, other)]
+            np.testing.assert_allclose(*corners, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("<COLLADA/>", "must have a scene with geometry"),
+        ("<robot/>", "must hold the element COLLADA"),
+        ("<!DOCTYPE x [<!ENTITY e '1'>]><COLLADA/>", "must hold no DOCTYPE"),
+        ("<COLLADA", "must be XML"),
+        (
+            DAE.format(asset="<up_axis>W</up_axis>", nodes=""),
+            "must have X_UP, Y_UP, Z_UP as up_axis",
+        ),
+        (
+            DAE.format(asset="", nodes=f"<node>{INSTANCE}</node>").replace("3 5</f", "3 x</f"),
+            "finite numbers",
+        ),
+        (
+            DAE.format(asset="", nodes=f"<node>{INSTANCE}</node>").replace(" 5</f", "</f"),
+            "24 finite numbers",
+        ),
+    ],
+)
+def test_wrong_collada_is_refused(content, message):
+    with pytest.raises(RobotError, match=message):
+        collada_points(content.encode(), "a.dae")
+
+
+def test_a_package_is_found_where_makers_keep_it(tmp_path):
+    """The URDF in its package, or beside it; a folder above the package is named as such."""
+    package = tmp_path / "maker"
+    (package / "urdf").mkdir(parents=True)
+    (package / "meshes").mkdir()
+    (package / "meshes" / "a.obj").write_bytes((ROBOTS / "cube.obj").read_bytes())
+    text = urdf_text("made_wrist").replace("made_robots/cube.obj", "maker/meshes/a.obj")
+    for folder in (package / "urdf", tmp_path):
+        (folder / "arm.urdf").write_text(text, encoding="utf-8")
+        assert Robot.from_urdf(folder / "arm.urdf").n_joints == 6
+    message = (
+        r"packages\.maker must be its folder\. Got the folder above it.*the package is .*maker"
+    )
+    with pytest.raises(RobotError, match=message):
+        Robot.from_urdf(tmp_path / "arm.urdf", packages={"maker": tmp_path})
+    (package / "meshes" / "a.obj").unlink()
+    with pytest.raises(RobotError, match="packages must name the folder of package 'maker'"):
+        Robot.from_urdf(tmp_path / "arm.urdf")

@@ -505,7 +505,9 @@ def test_ros_and_tables_have_one_joint_more():
 
 
 def test_urscript_refuses_a_turntable():
-    with pytest.raises(RequestError, match="format must be rapid, krl, ros, csv or json for a"):
+    with pytest.raises(
+        RequestError, match="format must be rapid, krl, fanuc, ros, csv or json for a"
+    ):
         program_text(program_turntable_program(), "urscript")
 
 

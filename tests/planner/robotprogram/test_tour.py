@@ -251,13 +251,28 @@ def test_later_ways_use_what_earlier_ones_found():
 def test_a_setting_is_not_dropped_before_its_moves_are_sought_thoroughly():
     """With 20 trials no way around the needle is found, with twelve times as many there is one."""
     arm, start, end = blocked_sweep()
-    detours = CountedDetours(arm, RATES_FREE_MOVE, DetourEffort(trials=20))
+    effort = DetourEffort(trials=20, spare=0)
+    detours = CountedDetours(arm, RATES_FREE_MOVE, effort)
     assert detours.find(start, end, seed=[0, 0, 0, 1, 0]) is None
-    detours = CountedDetours(arm, RATES_FREE_MOVE, DetourEffort(trials=20))
+    detours = CountedDetours(arm, RATES_FREE_MOVE, effort)
     tour = TourChecker(detours, start, [end[None]], np.zeros((1, 1))).run()
     assert tour.dropped == ()
     for move in tour.moves:
         assert check_path(arm, move.joints).free
+
+
+def test_spare_trials_are_taken_until_they_are_used_up():
+    arm, start, end = blocked_sweep()
+    spared = Detours(arm, RATES_FREE_MOVE, DetourEffort(trials=20, spare=220))
+    way = spared.find(start, end, seed=[0, 0, 0, 1, 0])
+    assert check_path(arm, way).free
+    assert 0 < spared._spare < 220
+    caged = PlanarArm([needle(0.5, 0.5, 900.0), needle(-0.5, 0.5, 900.0)])
+    detours = Detours(caged, RATES_FREE_MOVE, DetourEffort(trials=5, spare=80))
+    # eleven times five for the first one, then what is left
+    for spare in (25, 0, 0):
+        assert detours.find(np.zeros(2), np.array([2.0, 0.0])) is None
+        assert detours._spare == spare
 
 
 def test_no_way_out_of_a_cage():

@@ -7,8 +7,8 @@ from pocket_block import entities, two_pocket_block
 from scipy.spatial.transform import Rotation
 
 from aspectgraph import compute_regions
+from ground.shared import Shared
 from planner import Camera, Detectability, PoseUncertainty, Requirements
-from planner.executors import Shared
 from planner.request.camera_limits import default_workspace
 from planner.request.problem import Problem
 from planner.search import columns as candidates

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from grid_box import EDGES, BoxSpace
 
+from ground.shared import Shared
 from planner import Camera, PoseUncertainty
 from planner.camera.pose import look_at
 from planner.cover import is_cover, min_cover
-from planner.executors import Shared
 from planner.request.problem import Problem
 from planner.search import columns
 from planner.search.columns import (

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from grid_box import EDGES, BoxSpace
 
+from ground.shared import Shared
 from planner import Camera, PoseUncertainty, look_at
 from planner.camera.pose import world_to_cam
 from planner.effort import Effort
-from planner.executors import Shared
 from planner.request.constraints import Requirements
 from planner.request.problem import Problem
 from planner.search import evolution

@@ -257,6 +257,7 @@ def test_a_state_packs_itself_whole():
         joined=1,
         bound=2,
         proof="by hand",
+        counted=weighing.near,
         plan=plan(),
     )
     text = json.dumps(encoded(packed(state.pack())), allow_nan=False)
@@ -267,6 +268,7 @@ def test_a_state_packs_itself_whole():
     assert again.proof == "by hand"
     assert again.plan == state.plan
     assert np.array_equal(again.inspected, state.inspected)
+    assert np.array_equal(again.counted.membership, weighing.near.membership)
     for first, second in ((state.pools, again.pools), (state.weighing, again.weighing)):
         for name in Pools._fields:
             one = getattr(first, name).to_dict()
@@ -328,22 +330,40 @@ def test_every_stage_and_bound_is_passed_on(whole):
     assert max(bounds) == found.lower_bound
 
 
-def test_a_first_plan_is_something_to_end_with_only_some_seconds_later(monkeypatch):
-    """A better one may come at once; the limit counts from when the program began."""
+def test_a_plan_ends_at_its_limit_and_without_one_the_search_soon_after(monkeypatch):
+    """The limit counts from when the program began; what follows the search needs the rest of three seconds."""
     clock = [1000.0]
     monkeypatch.setattr(callbacks.time, "monotonic", lambda: clock[0])
-    deadline = Deadline(time_limit_s=3.0, begun=996.0)
-    deadline.check()
-    deadline.arm_soon()
-    clock[0] += callbacks.LEAST_SEARCH_S - 0.1
-    deadline.arm_soon()
-    deadline.check()
-    clock[0] += 0.2
+    monkeypatch.setattr(callbacks.time, "time", lambda: clock[0] + 7000.0)
+    deadline = Deadline(time_limit_s=5.0, begun=996.0)
+    assert deadline.of_regions() == pytest.approx(8000.0 + 4.0 / 3.0)
+    search = deadline.of_search()
+    clock[0] = 1002.4
+    search.check()
+    search.arm()
     with pytest.raises(TimeIsUpError):
-        deadline.check()
+        search.check()
+    clock[0] = 1002.6
+    with pytest.raises(TimeIsUpError):
+        deadline.of_search().check()
+    assert deadline.time_left(0.88, least_s=2.0).until <= 8002.5
+    assert deadline.of_settling() <= clock[0] + 7000.0
     patient = Deadline(time_limit_s=100.0, begun=996.0)
     patient.arm()
     patient.check()
+    assert patient.of_regions() == pytest.approx(8002.6 + (8076.0 - 8002.6) * 2.0 / 3.0)
+    # what is shorter than five seconds leaves the least time for a first plan
+    short = Deadline(time_limit_s=3.0, begun=996.0).of_search()
+    short.check()
+    short.arm_soon()
+    clock[0] += callbacks.LEAST_SEARCH_S - 0.1
+    short.arm_soon()
+    short.check()
+    clock[0] += 0.2
+    with pytest.raises(TimeIsUpError):
+        short.check()
+    assert Deadline().of_regions() == math.inf
+    assert not Deadline().of_search().limited
 
 
 def test_work_that_comes_late_has_half_of_what_is_left(monkeypatch):
@@ -355,6 +375,8 @@ def test_work_that_comes_late_has_half_of_what_is_left(monkeypatch):
     clock[0] = 140.0
     assert deadline.time_left(0.8).until == pytest.approx(7145.0)
     assert deadline.time_left(0.8, least_s=9.0).until == pytest.approx(7149.0)
+    clock[0] = 148.0
+    assert deadline.time_left(0.8, least_s=9.0).until == pytest.approx(7151.5)
     assert Deadline().time_left(0.8).until == math.inf
 
 

@@ -1,0 +1,87 @@
+"""A plan foresees the uncertainty that `measure` states of a rendered part, under the same state of edges."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
+import measured_plate as plate
+from part_images import Optics, PartImages
+from plan_examples import changed
+from rendered_images import Lamp
+
+from planner import Camera, MeasureOptions, Measurer, PoseUncertainty, Registration
+from planner.measuring.foreseen import foreseen_uncertainties, surest
+from planner.report.wording import unstated_edges_text
+from planner.request.registration import OWN_EDGES, PoseKnowledge, RegistrationRecord
+
+SURFACES_MM = 0.005
+CAMERA = Camera(25.0, (0.0069, 0.0069), (1280, 1024), 8.0, 300.0)
+SOLID = plate.thick_plate()
+SURE = PoseUncertainty.isotropic(translation_mm=0.01, rotation_rad=0.0001)
+
+
+def plan_of(method):
+    plan = plate.measured_plan(
+        SOLID, settings=1, camera=CAMERA, pose_uncertainty=SURE, surfaces_mm=SURFACES_MM
+    )
+    if method == "planned":
+        return plan
+    settings = [
+        replace(setting, registered=PoseKnowledge(SURE.covariance)) for setting in plan.settings
+    ]
+    return changed(
+        plan, registration=RegistrationRecord(OWN_EDGES, SURFACES_MM), settings=tuple(settings)
+    )
+
+
+def measured(plan, size, limits):
+    mesh = plate.broken_plate([(size, 0.0), (0.0, size)]) if size else plate.fine_plate()
+    optics = Optics(CAMERA.matrix, CAMERA.resolution, noise=0.005, samples=3, every=4)
+    pose = plate.POSES[0]
+    image = PartImages(*mesh, optics).image(pose, [Lamp(pose[:3, 3])], np.random.default_rng(1))
+    how = Registration("planned")
+    if plan.request.registration is not None:
+        how = Registration.own_edges(SURFACES_MM)
+    options = MeasureOptions(how, edge_break_mm=limits, response="linear")
+    return Measurer(plan, SOLID).measure({1: image}, options)
+
+
+@pytest.mark.parametrize("method", ["planned", "own edges"])
+@pytest.mark.parametrize(("size", "limits"), [(0.0, None), (0.1, (0.05, 0.15))])
+def test_the_foreseen_uncertainty_is_that_of_the_image(method, size, limits):
+    plan = plan_of(method)
+    results = measured(plan, size, limits)
+    read = {result.name: result for result in results if result.measured}
+    assert {"right", "width"} <= set(read)
+    rows = {row.name: row for row in foreseen_uncertainties(plan, SOLID, limits)}
+    for name, result in read.items():
+        ratio = rows[name].expanded_uncertainty / result.expanded_uncertainty
+        assert 0.85 < ratio < 1.15
+        if limits is None:
+            unseen = results.unseen.uncertainties[name]
+            assert 0.85 < rows[name].unseen_uncertainty / unseen < 1.15
+            assert rows[name].limit_mm == pytest.approx(results.unseen.limit_mm, rel=0.02)
+
+
+def test_sharp_edges_leave_the_floor_of_the_detector():
+    plan = plan_of("planned")
+    (row,) = [row for row in foreseen_uncertainties(plan, SOLID, (0.0, 0.0)) if row.name == "right"]
+    read = {result.name: result for result in measured(plan, 0.0, (0.0, 0.0))}
+    # the rest of U of an image is what its own points show, which a plan cannot know
+    assert row.expanded_uncertainty == pytest.approx(read["right"].expanded_uncertainty, rel=0.4)
+    assert row.unseen_uncertainty == row.expanded_uncertainty
+    assert not row.is_open
+
+
+def test_what_is_foreseen_stands_among_the_notes_of_a_plan():
+    plan = plan_of("own edges")
+    rows = foreseen_uncertainties(plan, SOLID)
+    text = unstated_edges_text(plan, rows)
+    best = surest(rows)
+    n_open = sum(row.is_open for row in best.values())
+    assert n_open > 0
+    assert f"it is open for {n_open} of {len(best)} dimensions" in text
