@@ -380,9 +380,9 @@ class _SplitSearch:
         worse = int(np.argmax(of_ends))
         rest = value.standard_uncertainty**2 - of_ends[worse] ** 2
         permitted = model.whole.permitted_error
-        left = permitted**2 - float(ndtri((1 + self._run.problem.probability) / 2)) ** 2 * rest
+        remaining = permitted**2 - float(ndtri((1 + self._run.problem.probability) / 2)) ** 2 * rest
         # where the rest takes all of it, the entity becomes as sure as it can
-        share = max(left, (_LEAST_SHARE * permitted) ** 2) ** 0.5 / permitted
+        share = max(remaining, (_LEAST_SHARE * permitted) ** 2) ** 0.5 / permitted
         return self._with_surer(settings, pair[worse], name, worse, share, value)
 
     def _with_surer(
