@@ -1,8 +1,8 @@
 """One posterior over many images: scatter of values against their u, and what it costs.
 
 ``scatter`` draws plates that deviate, renders two images of each from displaced poses, and measures them with the
-default and with edges stated as sharp. ``cost`` compares the time of ten images of 5 megapixels together with that of
-ten single ones.
+default, with edges stated as sharp, and with a response and a detector without errors stated, too. ``cost`` compares
+the time of ten images of 5 megapixels together with that of ten single ones.
 
     python benchmarks/images/many_images.py scatter --parts 60
     python benchmarks/images/many_images.py cost
@@ -29,7 +29,8 @@ from measured_plate import (  # noqa: E402
     thick_plate,
 )
 
-from planner import measure  # noqa: E402
+from errors.measurands.geometry import Localisation  # noqa: E402
+from planner import MeasureOptions, Measurer, Registration, measure  # noqa: E402
 from planner.measuring.registered import displaced  # noqa: E402
 
 NAMES = ("left", "right", "apart", "width")
@@ -43,9 +44,18 @@ def scatter(n_parts, seed):
     """Print errors and u of four values of many plates."""
     rng = np.random.default_rng(seed)
     solid = thick_plate()
-    plan = measured_plan(solid)
+    measurer = Measurer(measured_plan(solid), solid)
     root = np.linalg.cholesky(UNCERTAINTY.covariance)
-    lines = {"edges sharp within 0.05 mm": [], "edges stated as sharp": []}
+    sharp = MeasureOptions(Registration.own_edges(), edge_break_mm=SHARP)
+    detector = Localisation.gaussian(0.1, floor_px=0.0)
+    asked = {
+        "edges sharp within 0.05 mm": replace(sharp, edge_break_mm=None),
+        "edges stated as sharp": sharp,
+        "response and detector stated, too": replace(
+            sharp, response="linear", localisation=detector
+        ),
+    }
+    lines = {label: [] for label in asked}
     for k in range(n_parts):
         left, right = rng.normal(0, 0.04, 2)
         width = rng.normal(0, 0.05)
@@ -54,8 +64,9 @@ def scatter(n_parts, seed):
         mesh = fine_plate(left=left, right=right, width=width, height=height)
         images = photograph(mesh, poses, seed=1000 + k)
         truth = {"left": 2 * left, "right": 2 * right, "apart": 0.0, "width": width}
-        for rows, breaks in zip(lines.values(), (None, SHARP), strict=True):
-            for result in measure(plan, solid, images, edge_break_mm=breaks):
+        for label, options in asked.items():
+            rows = lines[label]
+            for result in measurer.measure(images, options):
                 if result.measured:
                     error = result.deviation - truth[result.name]
                     rows.append((error, result.standard_uncertainty))

@@ -30,7 +30,7 @@ def grey_picture(level):
     ("counts", "level", "blur_px", "text"),
     [
         ({"weak": 30, "found": 10}, 100, 0.5, advice.LIGHT),
-        ({"weak": 30, "found": 10}, 20, 0.5, "expose for 10.2 times as long"),
+        ({"weak": 30, "found": 10}, 20, 0.5, "expose for 10 times as long"),
         ({"weak": 30, "found": 10}, 100, 3.0, advice.FOCUS),
         ({"overexposed": 9, "weak": 4}, 255, 0.5, advice.SHORTER),
         ({"overexposed": 9, "weak": 4}, 255, 3.0, advice.SHORTER),
