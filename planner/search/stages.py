@@ -895,7 +895,7 @@ def _shown_from_elsewhere(
         seen_from = np.array([setting.cam2world for setting in seen]).reshape(-1, 4, 4)
         more = run.judge(seen_from).inspects.sum(axis=1)
         order = sorted(range(len(seen)), key=lambda i: (-more[i], -seen[i].fitness))
-        elsewhere += [seen[i] for i in order[:_LIGHT_KEPT]]
+        elsewhere += [seen[i] for i in order[: _by_effort(run, _LIGHT_KEPT)]]
         run.callbacks.report(k + 1, len(dark), "poses in the light")
     full = [setting for setting in map(_with_all(run), elsewhere) if setting.entities]
     lit = shown_by_lamps(run, lighting, plan, full, places)
