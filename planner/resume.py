@@ -74,6 +74,7 @@ class CheckpointRecord:
             "weighing",
             "lower bound",
             "refutation",
+            "counted columns",
             "settings",
             "lamps",
         ],
@@ -92,6 +93,7 @@ class CheckpointRecord:
     proof: Any = None
     bound_of: Any = None
     bound_weights: Any = None
+    counted: Any = None
     plan: Any = None
 
 

@@ -5,7 +5,7 @@
 For each part, the request holds its longest distances and its largest diameters, at most six characteristics, each with
 a permitted error of 0.1 mm. Parts without dimensions get distances of parallel edges. Every request is planned with
 ``split="never"`` and with the default, for poses as planned and for images that are registered to the part's edges.
-Seconds are of processor time. Each row is printed when it is done.
+A plan is ended after ``--time-limit`` seconds. Seconds are of processor time. Each row is printed when it is done.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ CAMERAS = (
     "basler-acA2440-20gm-35mm",
 )
 KNOWN = ("planned", "own-edges")
+SPLIT = ("never", "auto")
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.0003)
 PROBABILITY = 0.9
 ERROR_MM = 0.1
@@ -111,8 +112,12 @@ def main(argv=None):
     parser.add_argument("parts", nargs="+")
     parser.add_argument("--cameras", nargs="+", default=CAMERAS)
     parser.add_argument("--known", nargs="+", choices=KNOWN, default=KNOWN)
+    parser.add_argument("--split", nargs="+", choices=SPLIT, default=SPLIT)
+    parser.add_argument("--time-limit", type=float, metavar="SECONDS")
     args = parser.parse_args(argv)
-    print("part, lens, poses: inspected / settings / bound, never → default; split; seconds")
+    print(
+        "part, lens, poses: inspected / settings / bound, never → default; split; seconds; * ended by the limit"
+    )
     for path in args.parts:
         solid = read_solid(path)
         wanted = request(path, solid)
@@ -121,7 +126,7 @@ def main(argv=None):
                 cells = []
                 seconds = []
                 split = ()
-                for word in ("never", "auto"):
+                for word in args.split:
                     began = time.process_time()
                     plan = plan_inspection(
                         solid,
@@ -132,10 +137,13 @@ def main(argv=None):
                         effort=Effort.named("quick"),
                         registration=None if known == "planned" else Registration.own_edges(),
                         split=word,
+                        time_limit_s=args.time_limit,
                     )
                     seconds.append(time.process_time() - began)
                     n = f"{len(plan.inspected)} of {len(plan.targets)}"
-                    cells.append(f"{n} / {len(plan.settings)} / {plan.lower_bound}")
+                    cells.append(
+                        f"{n} / {len(plan.settings)} / {plan.lower_bound}{'*' * plan.unfinished}"
+                    )
                     split = tuple(plan.split)
                 lens = name.rpartition("-")[2]
                 times = " → ".join(f"{s:.0f}" for s in seconds)

@@ -96,6 +96,8 @@ class PlanState:
         Targets that it was proven for.
     bound_weights : array (k,) or None
         Their weights, where such prove it; see `planner.bound.lower_bound.ProvenBound`.
+    counted : ColumnPool or None
+        Columns of which all targets have the required P_all; the settings are chosen from these.
     plan : InspectionPlan or None
         The plan, without lamps at first.
     """
@@ -113,6 +115,7 @@ class PlanState:
     proof: str = ""
     bound_of: NDArray[np.bool_] | None = None
     bound_weights: NDArray[np.float64] | None = None
+    counted: ColumnPool | None = None
     plan: InspectionPlan | None = None
 
     @classmethod
@@ -127,6 +130,7 @@ class PlanState:
             **values,
             "pools": self.pools.to_dict(),
             "weighing": None if self.weighing is None else self.weighing.to_dict(),
+            "counted": None if self.counted is None else self.counted.to_dict(),
             "uninspectable": {name: str(reason) for name, reason in self.uninspectable.items()},
             "uninspectable_kinds": kinds_record(self.uninspectable),
             "plan": None if self.plan is None else self.plan.to_dict(),
@@ -138,11 +142,13 @@ class PlanState:
         values = {entry.name: data[entry.name] for entry in fields(cls)}
         plan = data["plan"]
         weighing = data["weighing"]
+        counted = data["counted"]
         return cls(
             **{
                 **values,
                 "pools": Pools.from_dict(data["pools"]),
                 "weighing": None if weighing is None else Pools.from_dict(weighing),
+                "counted": None if counted is None else ColumnPool.from_dict(counted),
                 "uninspectable": reasons_from(data["uninspectable"], data["uninspectable_kinds"]),
                 "incompatible": tuple(data["incompatible"]),
                 "plan": None if plan is None else InspectionPlan.from_dict(plan),
@@ -157,6 +163,9 @@ def empty_pools(n_targets: int) -> Pools:
 
 # seconds after which the checking of poses is shown
 SILENT_S = 1.0
+# share of the solver's nodes for each cover while columns are tried. There are many, and a cover
+# that is not the best costs no more than a run of the genetic algorithm.
+REFUTING_SHARE = 0.1
 
 
 class SearchRun:
@@ -785,10 +794,11 @@ class Incumbents:
             took = time.monotonic() - now
             self._offer_again = now + took + max(LEAST_SEARCH_S, _OFFERS_APART * took)
 
-    def offer(self, run: SearchRun) -> None:
-        """See whether the columns of a run make a better plan."""
-        if self._callbacks.wants_plans and run.pool.membership.any() and self._is_affordable():
-            self._offer(run, run.pool)
+    def offer(self, run: SearchRun, pool: ColumnPool | None = None) -> None:
+        """See whether the columns of a run, or those of a pool, make a better plan."""
+        pool = run.pool if pool is None else pool
+        if self._callbacks.wants_plans and pool.membership.any() and self._is_affordable():
+            self._offer(run, pool)
             if self.best is not None:
                 self._callbacks.deadline.arm()
 

@@ -35,6 +35,7 @@ from planner.request.split import (
 from planner.request.targets import PlannedDimension
 from planner.resume import PlanningState
 from planner.search.columns import WarmStart, derive_seed, judged_poses, price_poses
+from planner.search.counted_columns import CountedColumns
 from planner.search.incumbents import SearchRun, assembled
 from planner.search.plan_setting import without
 from planner.search.stages import settle
@@ -206,7 +207,9 @@ class _SplitSearch:
         n_settings = len(few_columns(membership, child.nodes(), child.rng("known")))
         if n_targets <= len(self._plan.inspected) and n_settings >= len(self._plan.settings):
             return None
-        settings = settle(child, inspected).settings
+        columns = CountedColumns(child, inspected)
+        columns.repair(columns.count_cover())
+        settings = settle(child, inspected, columns.counted).settings
         return self._assembled(settings)
 
     def _whole_targets(self, inspected: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -36,6 +36,7 @@ from planner.progress import report
 from planner.request.problem import Problem
 from planner.request.split import NEVER, Split, split_names, split_problem
 from planner.search.columns import (
+    ColumnPool,
     Judge,
     Pools,
     WarmStart,
@@ -45,8 +46,10 @@ from planner.search.columns import (
     perturbed,
     price_poses,
 )
+from planner.search.counted_columns import CountedColumns, chosen_settings
 from planner.search.evolution import Centring
 from planner.search.incumbents import (
+    REFUTING_SHARE,
     SO_FAR,
     Incumbents,
     PlanState,
@@ -61,13 +64,11 @@ from planner.search.plan_setting import setting_at, without
 from planner.search.realise_column import (
     ALL_TRIALS,
     JOINT_POSES,
-    Supported,
     centre_setting,
     joint_bounds,
     keeps,
     poses_stated,
     with_p_all,
-    without_contradicted,
     without_corners,
 )
 from planner.sensor_setting import Reason, ReasonKind, SensorSetting
@@ -86,8 +87,6 @@ if TYPE_CHECKING:
 # for a target that lacks the required P_all in the final settings: poses of other columns that
 # are simulated for it
 _RETRIED = 8
-# least gain in the sum of the probabilities. A smaller gain is rounding.
-_FITNESS_GAIN = 1e-6
 
 # Another try for targets that lack the required P_all in the final settings, before they are
 # given up.
@@ -250,33 +249,24 @@ class Settled(NamedTuple):
     lost: dict[str, Reason]
 
 
-def settle(run: SearchRun, inspected: np.ndarray, *, moves: bool = True) -> Settled:
+def settle(
+    run: SearchRun, inspected: np.ndarray, counted: ColumnPool, *, moves: bool = True
+) -> Settled:
     """Choose the final cover and give every column in it the best pose that simulation supports.
 
     Parameters
     ----------
     run : SearchRun
-        Its pools hold the columns.
+        Its request says what is asked.
     inspected : array of bool (k,)
-        Entities that are to be covered.
+        Entities that are to be covered. Those that no counted column contains get settings of their own, where such
+        are found.
+    counted : ColumnPool
+        Columns of which every target has the required P_all; see `CountedColumns`.
     moves : bool
         Whether the poses are moved off their limits.
     """
-    pool = run.pool
-    problem = run.problem
-    chosen = few_columns(
-        pool.membership[:, inspected],
-        run.nodes(),
-        run.rng("settings"),
-        pool.quality,
-    )
-    candidates = [
-        setting_at(
-            problem, pool.poses[c], names, "candidate pose", seed=derive_seed(run.seed, names)
-        )
-        for c, names in ((c, run.names_of(pool.membership[c])) for c in chosen)
-    ]
-    settings = without_contradicted(problem, _supported(run, candidates))
+    settings = chosen_settings(run, counted, inspected)
     centring = Centring.of(run.effort)
     if not moves:
         centring = centring._replace(give_up=0.0)
@@ -284,7 +274,9 @@ def settle(run: SearchRun, inspected: np.ndarray, *, moves: bool = True) -> Sett
     def centre(some: Sequence[SensorSetting]) -> list[SensorSetting]:
         return centre_all(run, some, centring)
 
-    settled = _without_short(run, centre(settings), centre)
+    missing = run.names_of(inspected & ~counted.inspected)
+    best = {name: run.promises.largest_bound(name) for name in missing}
+    settled = _without_short(run, centre(settings), centre, best)
     return settled._replace(settings=without_spare(run, settled.settings, centre))
 
 
@@ -322,36 +314,6 @@ def without_spare(
     return list(by_index.values())
 
 
-def _supported(run: SearchRun, candidates: Sequence[SensorSetting]) -> list[Supported]:
-    """Return for each candidate pose the best pose that simulation supports, the candidate itself if it is enough."""
-    enough = run.effort.good_enough
-    good = [
-        k for k, candidate in enumerate(candidates) if min(candidate.probability.values()) > enough
-    ]
-    # what was simulated on the way is not simulated again
-    for _ in run.simulate([candidates[k] for k in good]):
-        pass
-    plain = [k for k in good if not run.promises.contradicted_in(candidates[k])]
-    supported = {k: Supported(candidates[k], frozenset(candidates[k].entities)) for k in plain}
-    others = [k for k in range(len(candidates)) if k not in supported]
-    searched = _searched(run, [candidates[k] for k in others])
-    supported.update(zip(others, searched, strict=True))
-    return [supported[k] for k in range(len(candidates))]
-
-
-def _searched(run: SearchRun, candidates: Sequence[SensorSetting]) -> list[Supported]:
-    """Search a better pose for each candidate pose, and return the better one that simulation supports."""
-    options = []
-    outcomes = run.realise([column.entities for column in candidates])
-    for candidate, outcome in zip(candidates, outcomes, strict=True):
-        setting = outcome.setting
-        both = [candidate]
-        if setting is not None and _holds(run, setting, candidate.entities):
-            both.insert(setting.fitness < candidate.fitness - _FITNESS_GAIN, setting)
-        options.append(both)
-    return run.supported(options)
-
-
 def settle_early(run: SearchRun, plan: InspectionPlan, proven: Proven) -> InspectionPlan:
     """Return a plan that a time limit ended with its settings moved off their limits, and what they promise.
 
@@ -385,11 +347,15 @@ def settle_early(run: SearchRun, plan: InspectionPlan, proven: Proven) -> Inspec
 
 
 def _without_short(
-    run: SearchRun, settings: Sequence[SensorSetting], centre: Centre | None = None
+    run: SearchRun,
+    settings: Sequence[SensorSetting],
+    centre: Centre | None = None,
+    others: Mapping[str, float] | None = None,
 ) -> Settled:
     """Take from settings the targets that lack the required P_all there; return why some are in none any more.
 
-    Where it is said how settings are moved off their limits, these are tried again before they are given up.
+    Where it is said how settings are moved off their limits, these are tried again before they are given up, and so are
+    others that no setting contains, with the largest P_all found of each.
     """
     threshold = min(run.problem.probability, MOST_REQUIRED)
     short = [{n for n, p in setting.p_all.items() if p < threshold} for setting in settings]
@@ -398,7 +364,7 @@ def _without_short(
         for setting, missing in zip(settings, short, strict=True)
     ]
     entities = {name for setting in fewer for name in setting.entities}
-    reached: dict[str, float] = {}
+    reached = dict(others or {})
     for setting, missing in zip(settings, short, strict=True):
         for name in missing - entities:
             reached[name] = max(setting.p_all[name], reached.get(name, 0.0))
@@ -471,16 +437,8 @@ def centre_all(
     return moved
 
 
-def _holds(run: SearchRun, setting: SensorSetting, names: tuple[str, ...]) -> bool:
-    """Judge a setting anew: whether it inspects all these entities."""
-    return bool(run.judge(setting.cam2world[None]).inspects[0, np.isin(run.names, names)].all())
-
-
 # rounds of column generation between two searches
 _ROUNDS_PER_SEARCH = 5
-# share for each cover while the program tries optimistic columns. There are many, and a cover
-# that is not the best costs no more than a run of the genetic algorithm.
-_REFUTING_SHARE = 0.1
 # smallest number of rounds of column generation from poses that the proof found
 _JOINING_ROUNDS = 5
 # largest number of these rounds, for few columns
@@ -648,7 +606,7 @@ def _inspected(run: SearchRun) -> np.ndarray:
         state.inspected = run.pool.inspected
         if state.inspected.any():
             membership = run.pool.membership[:, state.inspected]
-            nodes = run.nodes(_REFUTING_SHARE)
+            nodes = run.nodes(REFUTING_SHARE)
             chosen = few_columns(membership, nodes, run.rng("known"))
             state.n_known = len(chosen)
     return state.inspected
@@ -758,7 +716,7 @@ def refute(run: SearchRun, inspected: np.ndarray, bound: int, incumbents: Incumb
     tries = run.effort.refutations
     enough = None
     rng = run.rng("refutation")
-    nodes = run.nodes(_REFUTING_SHARE)
+    nodes = run.nodes(REFUTING_SHARE)
     impossible = np.zeros((0, len(run.names)), dtype=bool)
     while tries > 0 and inspected.any():
         realised = run.pool.membership[:, inspected]
@@ -1122,9 +1080,21 @@ def _refute(state: PlanState, tools: Tools) -> None:
     refute(tools.run, state.inspected, state.bound, tools.incumbents)
 
 
+def _count(state: PlanState, tools: Tools) -> None:
+    assert state.inspected is not None
+    columns = CountedColumns.resumed(tools.run, state.inspected, state.entries.get("counted"))
+
+    def offer(entries: dict[str, Any]) -> None:
+        tools.incumbents.offer(tools.run, columns.counted)
+
+    columns.search(tools.run.effort.pricing_rounds, state.bound, tools.run.checkpoint(offer))
+    state.counted = columns.counted
+
+
 def _settle(state: PlanState, tools: Tools) -> None:
     assert state.inspected is not None
-    settled = settle(tools.run, state.inspected)
+    assert state.counted is not None
+    settled = settle(tools.run, state.inspected, state.counted)
     state.uninspectable.update(settled.lost)
     settled_targets = np.isin(
         tools.run.names, [n for setting in settled.settings for n in setting.entities]
@@ -1143,8 +1113,9 @@ def _light(state: PlanState, tools: Tools) -> None:
     plan = with_lamps(tools.run, tools.lighting, state.plan)
     if plan.unlit:
         assert state.inspected is not None
+        assert state.counted is not None
         # where a pose was moved to, no lamp may light what one lights from where it was
-        unmoved = settle(tools.run, state.inspected, moves=False)
+        unmoved = settle(tools.run, state.inspected, state.counted, moves=False)
         if not unmoved.lost.keys() <= state.uninspectable.keys():
             # it inspects less than the plan
             state.plan = plan
@@ -1164,6 +1135,7 @@ STAGES = (
     Stage("weighing", _weigh),
     Stage("lower bound", _prove_bound),
     Stage("refutation", _refute),
+    Stage("counted columns", _count),
     Stage("settings", _settle),
     Stage("lamps", _light),
 )

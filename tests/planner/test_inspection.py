@@ -221,6 +221,7 @@ def test_progress_names_every_stage(space):
         "candidate poses",
         "combining targets",
         "lower bound",
+        "counted poses",
         "improving poses",
         "widening margins",
     ]

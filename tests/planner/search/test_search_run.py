@@ -257,6 +257,7 @@ def test_a_state_packs_itself_whole():
         joined=1,
         bound=2,
         proof="by hand",
+        counted=weighing.near,
         plan=plan(),
     )
     text = json.dumps(encoded(packed(state.pack())), allow_nan=False)
@@ -267,6 +268,7 @@ def test_a_state_packs_itself_whole():
     assert again.proof == "by hand"
     assert again.plan == state.plan
     assert np.array_equal(again.inspected, state.inspected)
+    assert np.array_equal(again.counted.membership, weighing.near.membership)
     for first, second in ((state.pools, again.pools), (state.weighing, again.weighing)):
         for name in Pools._fields:
             one = getattr(first, name).to_dict()

@@ -98,8 +98,8 @@ def test_settings_that_lose_a_target_give_no_other_plan(solid, wanted, monkeypat
 
     settle = split_plan.settle
 
-    def settled(run, inspected):
-        known = settle(run, inspected)
+    def settled(run, inspected, counted):
+        known = settle(run, inspected, counted)
         fewer = [
             without(run.problem, setting, ["bore"]) if "bore" in setting.entities else setting
             for setting in known.settings
