@@ -28,6 +28,7 @@ AT_END = (
 MOVED = "check that the part is of this revision; state how far surfaces deviate if they are farther off"
 ROUGH = "clean the edge, or light it more evenly: what is found lies on no line or circle"
 OUTSIDE = "check the pose: the edge leaves the image"
+ANOTHER = "nothing of the part is where it should be: is it an image of this part and setting?"
 HIDDEN = "measure it from another view: the part hides it here"
 
 # of samples that are lost in the likeliest way; blur makes others
@@ -48,6 +49,8 @@ _OF_BLUR = tuple(
 # px around samples, to see whether there is light
 _AROUND_PX = 4
 _BRIGHT = 0.95
+# share of the samples of all edges below which an image shows nothing of the part in its place
+_NOTHING_SHARE = 0.02
 
 
 def advice_of(
@@ -143,6 +146,9 @@ def advice_of_images(pictures: Sequence[Picture], lost: Mapping[str, int]) -> st
     bright = max(picture.bright_share for picture in pictures)
     if bright < DARK_SHARE:
         return f"{longer(bright)}: the image is dark"
+    found = lost.get(STATE_TEXTS[State.FOUND], 0)
+    if lost and found < _NOTHING_SHARE * sum(lost.values()):
+        return ANOTHER
     worst = largest_state(lost)
     if worst == STATE_TEXTS[State.WEAK]:
         return "light more of the part: many of its edges lack contrast"

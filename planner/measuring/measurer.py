@@ -897,12 +897,17 @@ class Measurer:
             entities = [scans[k] for k in sorted(scans)]
             target = self.plan.targets[name]
             if isinstance(target.measurand, Position):
-                results[name] = position_of_ends(target, entities, known.common, options.rule)
-                continue
-            readings = [entity.first for entity in entities]
-            results[name] = joined_ends(
-                name, target, readings, options.rule, known.common(readings)
-            )
+                result = position_of_ends(target, entities, known.common, options.rule)
+            else:
+                readings = [entity.first for entity in entities]
+                common = known.common(readings)
+                result = joined_ends(name, target, readings, options.rule, common)
+            reason = self.plan.uninspectable.get(name)
+            if reason is not None:
+                # it is read all the same, from what images show of it
+                refused = f"the plan does not inspect it: {reason}"
+                result = replace(result, notes=(*result.notes, refused))
+            results[name] = result
         return results
 
     def _scanned_end(

@@ -281,6 +281,8 @@ def position_of_ends(
 
 def _where_text(ends: Sequence[Reading]) -> str:
     places = ", ".join(f"{end.entity} in {end.image}" for end in ends)
+    if len({end.image for end in ends}) == 1:
+        return f"its entities are read apart: {places}"
     return f"no image shows all of it: {places}"
 
 

@@ -398,7 +398,8 @@ def measured_html(results: MeasurementResults) -> str:
     >>> "cannot be registered" in measured_html(measure(plan, solid, dark)).lower()
     True
     """
-    ordered = sorted(results, key=lambda result: _ORDER.index(result.decision))
+    # what no image was read for is said last, and once for each reason
+    ordered = sorted(results, key=lambda result: (_unread(result), _ORDER.index(result.decision)))
     heading = results.source.part or "part"
     if results.serial:
         heading += f", {results.serial}"
@@ -415,7 +416,7 @@ def measured_html(results: MeasurementResults) -> str:
         explanation=_explanation(results),
         whisker=f"{WHISKER:g}",
         values=_values(ordered, results),
-        targets=[_target(result, results) for result in ordered],
+        targets=_targets(ordered, results),
         budgets=_budgets(ordered),
         images=[_image(name, results) for name in results.pictures],
     )
@@ -514,7 +515,9 @@ def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
         bar = value_bar(result, results.rule)
         lines = [] if bar is None else [CellLine(render_macro("planner", _PICTURES, "value", bar))]
         if result.reason:
-            lines.append(CellLine(_short_reason(result, results), "note"))
+            first = _first_alike(result, results)
+            reason = _short_reason(result, results) if first is result else f"as {first.name}"
+            lines.append(CellLine(reason, "note"))
         decision = CellLine(result.decision.value, _CLASSES[result.decision])
         link = (_anchor(result, results), result.name)
         value, uncertainty = value_texts(result)
@@ -568,7 +571,34 @@ def _minus(number: str) -> str:
 
 
 def _anchor(result: Result, results: MeasurementResults) -> str:
-    return f"target-{list(results.results).index(result.name) + 1}"
+    first = _first_alike(result, results)
+    return f"target-{list(results.results).index(first.name) + 1}"
+
+
+def _unread(result: Result) -> bool:
+    """Tell whether a target has no value because no image was read for it, as of one that is not planned."""
+    return not result.measured and not result.readings
+
+
+def _first_alike(result: Result, results: MeasurementResults) -> Result:
+    """Return the first target that no image was read for, for the same reason; the target itself if it was read."""
+    if not _unread(result):
+        return result
+    return next(
+        other for other in results if _unread(other) and _sentence(other) == _sentence(result)
+    )
+
+
+def _targets(ordered: Sequence[Result], results: MeasurementResults) -> list[dict[str, Any]]:
+    """Return what the page says of targets: of those that no image was read for, once for each reason."""
+    texts = {result.name: _sentence(result) for result in ordered if _unread(result)}
+    groups = {names[0]: ", ".join(names) for names in _by_text(texts).values()}
+    firsts = {_first_alike(result, results).name for result in ordered}
+    return [
+        {**_target(result, results), "name": groups.get(result.name, result.name)}
+        for result in ordered
+        if result.name in firsts
+    ]
 
 
 def _target(result: Result, results: MeasurementResults) -> dict[str, Any]:
@@ -587,7 +617,8 @@ def _target(result: Result, results: MeasurementResults) -> dict[str, Any]:
 
 def _sentence(result: Result) -> str:
     if not result.measured:
-        return f"Not measured: {result.reason}. {as_sentence(result.advice)}".rstrip()
+        reason = result.reason.removesuffix(".")
+        return f"Not measured: {reason}. {as_sentence(result.advice)}".rstrip()
     value, uncertainty = value_texts(result)
     decimals = decimals_of(result.expanded_uncertainty)
     text = (

@@ -263,6 +263,8 @@ def target_colors(plan: InspectionPlan) -> dict[str, str]:
     for k, setting in enumerate(plan.settings):
         for name in setting.entities:
             best[name] = max(best.get(name, (-1.0, 0)), (setting.probability[name], -k))
+    for name in plan.unlit:
+        best.pop(name, None)
     return {
         name: color_of(-best[name][1]) if name in best else NOT_INSPECTED for name in plan.entities
     }
@@ -380,7 +382,9 @@ def _drawing(
     corners = seen(maker.solid.vertices)
     spots = []
     lines = []
-    for name in [*view.names, *hidden]:
+    # a feature of several targets has the colour of one that is inspected
+    names = sorted([*view.names, *hidden], key=lambda name: colors[name] != NOT_INSPECTED)
+    for name in names:
         target = targets[name]
         color = colors[name]
         path = _path([seen(line) for line in target.lines])
@@ -832,8 +836,8 @@ def _figures(plan: InspectionPlan) -> list[tuple[str, str]]:
     if plan.n_features_not_planned:
         measured = sum(name in plan.dimensions for name in plan.inspected)
         cells.append((f"{measured} / {plan.n_features}", "characteristics inspected"))
-    if n:
-        worst = min(plan.inspected.values())
+    if shown:
+        worst = min(p for name, p in plan.inspected.items() if name not in plan.unlit)
         cells.append(
             (
                 probability_text(worst, plan.probability),
@@ -857,7 +861,9 @@ def _bound_label(plan: InspectionPlan) -> str:
     label = "proven minimum" if plan.minimal else "proven lower bound"
     if plan.complete and not plan.unlit:
         return label
-    return f"{label} for the inspected {_nouns(plan)[len(plan.inspected) > 1]}{dark_note(plan)}"
+    if plan.unlit:
+        return f"{label} for the {len(plan.inspected)} that poses inspect{dark_note(plan)}"
+    return f"{label} for the inspected {_nouns(plan)[len(plan.inspected) > 1]}"
 
 
 def _edge_notices(plan: InspectionPlan, foreseen: Sequence[Foreseen]) -> list[Notice]:

@@ -293,6 +293,9 @@ def dimensions_table(plan: InspectionPlan) -> Table | None:
         for name, measurement in measurements(plan, setting).items()
     ]
     rows += [(row.name, _split_row(plan, row)) for row in split_rows(plan)]
+    # no lamp shows the others, and the notices say why
+    unlit = plan.unlit
+    rows = [row for row in rows if row[0] not in unlit]
     if not rows:
         return None
     columns = [

@@ -87,7 +87,9 @@ def bound_sentence(
     if plan.unlit or not plan.complete:
         these = "them" if inspected > 1 else "it"
         inspected_nouns = (f"inspected {nouns[0]}", f"inspected {nouns[1]}")
-        scope = f" for the {count(inspected, *inspected_nouns)}{dark_note(plan)}"
+        scope = f" for the {count(inspected, *inspected_nouns)}"
+        if plan.unlit:
+            scope = f" for the {inspected} that poses inspect{dark_note(plan)}"
     if plan.request.poses is not None:
         number = count(len(plan.request.poses), "given pose")
         others = " Other poses may do with fewer." if n > 1 else ""

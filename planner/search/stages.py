@@ -489,8 +489,9 @@ _LIGHT_VIEWPOINTS = 60
 # poses tried around each planned pose of the entity, which may keep the other targets of the
 # setting
 _LIGHT_AROUND = 400
-# poses of each entity whose light is computed
+# poses of each entity whose light is computed, and the effort from which on it is so many
 _LIGHT_TRIED = 48
+_LIGHT_WITNESSES = 6
 # of the poses where the entity is lit, keep this many as candidates: those that inspect most
 # entities with the highest probability
 _LIGHT_KEPT = 8
@@ -824,7 +825,7 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
     if lit.light.complete or lighting.together:
         return lit
     dark = lit.unlit
-    places = lamp_places(lighting, lit)
+    places = lamp_places(lighting, lit, _by_effort(run, _LIGHT_PLACES))
     others = _shown_from_elsewhere(run, lighting, lit, dark, places) if dark else []
     settings = _chosen_among(run, lit, others)
     if settings == list(lit.settings):
@@ -850,7 +851,9 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
     return better if set(better.unlit) <= set(dark) else lit
 
 
-def lamp_places(lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
+def lamp_places(
+    lighting: Lighting, plan: InspectionPlan, n_others: int = _LIGHT_PLACES
+) -> NDArray[np.float64]:
     """Return places of lamps (n, 3) to try: those of the plan, and others if they may be placed; none of a ring."""
     assert plan.light is not None
     places = lighting.given
@@ -858,7 +861,7 @@ def lamp_places(lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]
         return np.empty((0, 3))
     if isinstance(places, np.ndarray):
         return places
-    return np.concatenate([plan.light.lamps, places.places(_LIGHT_PLACES)])
+    return np.concatenate([plan.light.lamps, places.places(n_others)])
 
 
 def _shown_from_elsewhere(
@@ -870,9 +873,10 @@ def _shown_from_elsewhere(
 ) -> list[SensorSetting]:
     """Return settings in which lamps at some places show entities that are dark so far, and what else they show."""
     elsewhere: list[SensorSetting] = []
+    most = _by_effort(run, _LIGHT_TRIED)
     for k, name in enumerate(dark):
         square_on = lighting.area is not None and lighting.area.square_on
-        poses = _poses_that_inspect(run, plan, name, square_on=square_on)
+        poses = _poses_that_inspect(run, plan, name, most, square_on=square_on)
         settings = [
             setting_at(run.problem, pose, [name], "pose in which a lamp shows it") for pose in poses
         ]
@@ -881,8 +885,8 @@ def _shown_from_elsewhere(
         seen_from = np.array([setting.cam2world for setting in seen]).reshape(-1, 4, 4)
         more = run.judge(seen_from).inspects.sum(axis=1)
         order = sorted(range(len(seen)), key=lambda i: (-more[i], -seen[i].fitness))
-        elsewhere += [seen[i] for i in order[:_LIGHT_KEPT]]
-        report(run.callbacks.progress, k + 1, len(dark), "poses in the light")
+        elsewhere += [seen[i] for i in order[: _by_effort(run, _LIGHT_KEPT)]]
+        run.callbacks.report(k + 1, len(dark), "poses in the light")
     full = [setting for setting in map(_with_all(run), elsewhere) if setting.entities]
     lit = shown_by_lamps(run, lighting, plan, full, places)
     cut = [
@@ -907,10 +911,15 @@ def _with_all(run: SearchRun) -> Any:
     return with_all
 
 
+def _by_effort(run: SearchRun, number: int) -> int:
+    """Return how many of a number are tried: each asks for light on all edges, so a quick search tries few."""
+    return max(1, round(number * min(1.0, run.effort.witnesses / _LIGHT_WITNESSES) ** 2))
+
+
 def _poses_that_inspect(
-    run: SearchRun, plan: InspectionPlan, name: str, *, square_on: bool = False
+    run: SearchRun, plan: InspectionPlan, name: str, most_poses: int, *, square_on: bool = False
 ) -> NDArray[np.float64]:
-    """Return poses (n, 4, 4) that inspect an entity, `_LIGHT_TRIED` at most: half inspect most, half are spread.
+    """Return poses (n, 4, 4) that inspect an entity, so many at most: half inspect most, half are spread.
 
     If asked, all of them look square at a flat face beside it.
     """
@@ -927,14 +936,14 @@ def _poses_that_inspect(
     inspects = run.judge(poses).inspects
     poses = poses[inspects[:, column]]
     more = inspects[inspects[:, column]].sum(axis=1)
-    if len(poses) <= _LIGHT_TRIED:
+    if len(poses) <= most_poses:
         return poses
     # of many that inspect as much, some from everywhere: neighbours in the list have the same viewpoint
     spread = np.modf(np.arange(len(poses)) * _GOLDEN)[0]
-    richest = np.lexsort((spread, -more))[: _LIGHT_TRIED // 2]
+    richest = np.lexsort((spread, -more))[: most_poses // 2]
     remaining = np.setdiff1d(np.arange(len(poses)), richest)
     others = remaining[
-        np.linspace(0, len(remaining) - 1, _LIGHT_TRIED - len(richest)).round().astype(int)
+        np.linspace(0, len(remaining) - 1, most_poses - len(richest)).round().astype(int)
     ]
     return np.asarray(poses[np.concatenate([richest, others])])
 
@@ -1131,12 +1140,18 @@ def _settle(state: PlanState, tools: Tools) -> None:
 def _light(state: PlanState, tools: Tools) -> None:
     if tools.lighting is None or state.plan is None:
         return
+    # what ends the search for lamps leaves this plan
+    tools.incumbents.publish(replace(state.plan, unfinished=True))
     plan = with_lamps(tools.run, tools.lighting, state.plan)
     if plan.unlit:
         assert state.inspected is not None
         assert state.counted is not None
         # where a pose was moved to, no lamp may light what one lights from where it was
         unmoved = settle(tools.run, state.inspected, state.counted, moves=False)
+        if not unmoved.lost.keys() <= state.uninspectable.keys():
+            # it inspects less than the plan
+            state.plan = plan
+            return
         draft = assembled(tools.run, unmoved.settings, state.bound, state.proof)
         other = with_lamps(tools.run, tools.lighting, draft)
         if set(other.inspected) == set(plan.inspected) and len(other.unlit) < len(plan.unlit):

@@ -30,7 +30,7 @@ def grey_picture(level):
     ("counts", "level", "blur_px", "text"),
     [
         ({"weak": 30, "found": 10}, 100, 0.5, advice.LIGHT),
-        ({"weak": 30, "found": 10}, 20, 0.5, "expose for 10.2 times as long"),
+        ({"weak": 30, "found": 10}, 20, 0.5, "expose for 10 times as long"),
         ({"weak": 30, "found": 10}, 100, 3.0, advice.FOCUS),
         ({"overexposed": 9, "weak": 4}, 255, 0.5, advice.SHORTER),
         ({"overexposed": 9, "weak": 4}, 255, 3.0, advice.SHORTER),
@@ -89,3 +89,12 @@ def test_an_image_that_fails_says_what_to_change(solid, image):
     assert results["left"].advice.startswith("expose for half of the time or less")
     results = measurer.measure({1: image // 60}, options)
     assert "times as long" in results["left"].advice
+
+
+@pytest.mark.parametrize(("found", "is_other"), [(0, True), (1, True), (30, False)])
+def test_an_image_without_the_part_is_asked_for(found, is_other):
+    """Contrast is no matter where nothing of the part is found; with a third of it found, light is."""
+    lost = {"found": found, "weak": 99 - found}
+    text = advice.advice_of_images([grey_picture(120)], lost)
+    assert (text == advice.ANOTHER) == is_other
+    assert text.startswith("light more of the part") != is_other

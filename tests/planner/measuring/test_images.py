@@ -430,10 +430,10 @@ def test_a_dark_image_says_what_white_is_taken_for():
     image = stored(share, 65535)
     (note,) = Picture.of("one", image, CAMERA_PICTURE).notes(0.0)
     assert note.startswith(
-        "dark, if white is 65535 (white_level of the camera states it): expose for 10."
+        "dark, if white is 65535 (white_level of the camera states it): expose for 10 times"
     )
     (note,) = Picture.of("one", image, replace(CAMERA_PICTURE, white_level=65535)).notes(0.0)
-    assert note.startswith("dark: expose for 10.")
+    assert note.startswith("dark: expose for 10 times")
 
 
 def test_white_that_the_camera_states():

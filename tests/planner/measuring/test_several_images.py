@@ -71,6 +71,7 @@ def test_a_width_that_no_image_shows_is_read_from_two(results):
     assert front != back
     assert abs(width.deviation - 0.08) <= width.expanded_uncertainty
     assert any("no image shows all of it" in note for note in width.notes)
+    assert f"the plan does not inspect it: {WHY}" in width.notes
     assert f"setting_02, {back} alone: 50." in measured_html(results)
     # the budget is that of the sum
     assert sum(width.budget.values()) == pytest.approx(width.standard_uncertainty**2)

@@ -48,6 +48,26 @@ def test_every_target_and_image_is_there(page, results):
     assert "ISO 14253-1, 95 %" in page
 
 
+def test_one_reason_of_targets_that_are_not_planned_is_said_last_and_once():
+    """Both names share a section after the measured one; the table gives the reason once, and in the section once."""
+    solid = thick_plate()
+    plan = measured_plan(solid, ["left", "right", "apart"])
+    why = "no light shows it."
+    settings = tuple(
+        replace(setting, entities=("left",), probability={"left": 0.95})
+        for setting in plan.settings
+    )
+    plan = replace(plan, settings=settings, uninspectable={"right": why, "apart": why})
+    exact = Registration.given({1: POSES[0], 2: POSES[1]})
+    few = measure(plan, solid, photograph(fine_plate(), POSES), registration=exact)
+    page = measured_html(few)
+    assert [few[name].measured for name in ("left", "right", "apart")] == [True, False, False]
+    assert page.count(why.removesuffix(".")) == 2
+    assert f"{why}." not in page
+    headings = re.findall(r'<section class="target" id="[^"]*"><h3>([^<]*?) <', page)
+    assert headings == ["left", "right, apart"]
+
+
 def test_nothing_outside_the_page_is_needed(page):
     assert not re.search(r'(?:src|href)="(?!#|data:)', page)
 

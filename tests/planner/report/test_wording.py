@@ -14,7 +14,7 @@ from plan_examples import ENTITIES, changed, plan, setting
 
 from planner import Camera, LightPlan, LitImage, SimulationResult, SuccessRate, read_plan
 from planner.bound.lower_bound import _proof, _proof_of_clique
-from planner.report.page import report_html
+from planner.report.page import NOT_INSPECTED, _figures, report_html, target_colors
 from planner.report.terminal_tables import print_graph, print_plan, print_simulation
 from planner.report.wording import (
     bound_sentence,
@@ -359,6 +359,13 @@ def test_what_no_lamp_shows_is_not_counted_as_inspected():
             r"2 (that poses inspect|inspected entities), 1 of them without light", text
         )
     assert f"1 of {n} entities inspected" in repr(made)
+    assert target_colors(made)["top right"] == NOT_INSPECTED != target_colors(made)["top front"]
+    # the smallest probability of the page is that of what is shown
+    sure = replace(made.settings[0], probability={"top front": 0.99, "top right": 0.91})
+    shown = replace(made.settings[1], probability={"top front": 0.97})
+    tiles = [value for value, _ in _figures(replace(made, settings=(sure, shown)))]
+    assert any(value.startswith("0.99") for value in tiles)
+    assert not any(value.startswith("0.91") for value in tiles)
     assert replace(made, light=replace(light, unlit=({}, {}))).unlit == ()
 
 
