@@ -1,9 +1,9 @@
 """One posterior over many images: scatter of values against their u, and what it costs.
 
 ``scatter`` draws plates that deviate, renders two images of each from displaced poses, and measures them with the
-default. Then edges are stated as sharp, then also the camera's response, then also a detector without a floor. With ``--drawn`` all faces
-deviate as the plan states. ``cost`` compares the time of ten images of 5 megapixels together with that of
-ten single ones.
+default. Then edges are stated as sharp, then also the camera's response, then also a detector without a floor. With
+``--drawn`` all faces deviate as the plan states. ``cost`` compares the time of ten images of 5 megapixels together with
+that of ten single ones.
 
     python benchmarks/images/many_images.py scatter --parts 60
     python benchmarks/images/many_images.py scatter --parts 52 --drawn
