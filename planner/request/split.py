@@ -97,8 +97,8 @@ def ends_apart(problem: Problem, names: Sequence[str]) -> Split:
     Whatever images measure a target, each of its entities is in one of them, and meets the conditions of the proof
     there.
     """
-    some = problem.restricted_to(names)
-    return split_problem(some, split_names(some), any_way=True)
+    restricted = problem.restricted_to(names)
+    return split_problem(restricted, split_names(restricted), any_way=True)
 
 
 def split_problem(

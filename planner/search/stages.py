@@ -46,7 +46,7 @@ from planner.search.columns import (
     perturbed,
     price_poses,
 )
-from planner.search.counted_columns import CountedColumns, chosen_settings
+from planner.search.counted_columns import CountedColumns, already_there, chosen_settings
 from planner.search.evolution import Centring
 from planner.search.incumbents import (
     REFUTING_SHARE,
@@ -276,7 +276,7 @@ def settle(
         Settings of another plan, off their limits already. Where one of them serves for a column, it stays where it
         is, and that column is searched no more.
     """
-    there, settings = _already_there(run, chosen_settings(run, counted, inspected), ready)
+    there, settings = already_there(run, chosen_settings(run, counted, inspected), ready)
     centring = Centring.of(run.effort)
     if not moves:
         centring = centring._replace(give_up=0.0)
@@ -288,37 +288,6 @@ def settle(
     best = {name: run.promises.largest_bound(name) for name in missing}
     settled = _without_short(run, [*there, *centre(settings)], centre, best)
     return settled._replace(settings=without_spare(run, settled.settings, centre))
-
-
-def _already_there(
-    run: SearchRun, chosen: Sequence[SensorSetting], ready: Sequence[SensorSetting]
-) -> tuple[list[SensorSetting], list[SensorSetting]]:
-    """Return settings that serve for chosen ones from where they are, and the other chosen ones."""
-    if not ready:
-        return [], list(chosen)
-    there = []
-    others = []
-    unused = list(ready)
-    inspects = list(run.judge(np.array([setting.cam2world for setting in ready])).inspects)
-    poses = poses_stated(sum(len(setting.entities) for setting in chosen))
-    for candidate in chosen:
-        names = candidate.entities
-        column = np.isin(run.names, names)
-        index = next((k for k in range(len(unused)) if inspects[k][column].all()), None)
-        if index is None:
-            others.append(candidate)
-            continue
-        old = unused[index]
-        setting = setting_at(run.problem, old.cam2world, names, old.message, old.seed, old.nfev)
-        setting = replace(setting, generations=old.generations)
-        contradicted = run.promises.contradicted_in(setting)
-        setting = with_p_all(run.judge, setting, derive_seed(run.seed, names), poses)
-        if contradicted or not all(keeps(run.judge, p) for p in setting.p_all.values()):
-            others.append(candidate)
-            continue
-        there.append(setting)
-        del unused[index], inspects[index]
-    return there, others
 
 
 def without_spare(
