@@ -68,6 +68,9 @@ class InspectionPlan(PlanTables):
         is 0 if the plan inspects none.
     bound_proof : str
         How the bound was proven, in one sentence.
+    whole_bound : int
+        Proven lower bound of plans that measure every target in one image, where it is larger than ``lower_bound``;
+        otherwise 0. See ``split`` of `InspectionOptions`.
     uninspectable : mapping of str to Reason
         Name of each entity that is not inspected, and the reason. A `Reason` is text that also has
         a ``kind``.
@@ -102,6 +105,7 @@ class InspectionPlan(PlanTables):
     not_planned: Mapping[str, str] = field(default_factory=dict)
     made: Made | None = None
     split: Mapping[str, SplitValue] = field(default_factory=dict)
+    whole_bound: int = 0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "settings", tuple(self.settings))
@@ -374,6 +378,7 @@ class InspectionPlan(PlanTables):
             **({"source": dict(self.source)} if self.source else {}),
             "bound": self.lower_bound,
             "bound_proof": self.bound_proof,
+            **({"whole_bound": self.whole_bound} if self.whole_bound else {}),
             **({"cell": dict(self.cell)} if self.cell else {}),
             **({"unfinished": True} if self.unfinished else {}),
             "uninspectable": {name: str(reason) for name, reason in self.uninspectable.items()},
@@ -524,6 +529,7 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         not_planned=record.not_planned,
         made=record.made,
         split=record.split,
+        whole_bound=record.whole_bound,
     )
     check_settings(plan, data["settings"])
     return plan

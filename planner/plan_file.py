@@ -400,6 +400,9 @@ def _check_bound(data: Mapping[str, Any]) -> None:
             else "must be 0, as there are no settings"
         )
         _refuse("bound", rule, bound)
+    of_whole = data.get("whole_bound", 0)
+    if of_whole and not bound < of_whole <= n:
+        _refuse("whole_bound", f"must be 0, or {bound + 1} to {n}", of_whole)
 
 
 def _check_simulation(simulation: Mapping[str, Any], settings: Sequence[Any]) -> None:

@@ -134,6 +134,7 @@ class PlanFile:
     split: Annotated[
         Mapping[str, SplitValue], Meta(title="must map dimensions to how sure they are measured")
     ] = field(default_factory=dict)
+    whole_bound: Count = 0
 
     @classmethod
     def read(cls, data: Any) -> PlanFile:

@@ -85,6 +85,7 @@ class CheckpointRecord:
     uninspectable: Reasons
     uninspectable_kinds: Kinds = field(default_factory=dict)
     incompatible: tuple[str, ...] = ()
+    incompatible_ends: tuple[str, ...] = ()
     weighing: Any = None
     inspected: Any = None
     n_known: Any = None

@@ -1,10 +1,12 @@
 """One posterior over many images: scatter of values against their u, and what it costs.
 
-``scatter`` draws plates that deviate, renders two images of each from displaced poses, and measures them with the
-default, with edges stated as sharp, and with a response and a detector without errors stated, too. ``cost`` compares
-the time of ten images of 5 megapixels together with that of ten single ones.
+``scatter`` draws plates that deviate, renders two images of each from displaced poses, and measures them. Edges are
+stated as sharp, then also the camera's response, then also a detector without a floor. With ``--drawn`` all faces
+deviate as the plan states. ``cost`` compares the time of ten images of 5 megapixels together with that of
+ten single ones.
 
     python benchmarks/images/many_images.py scatter --parts 60
+    python benchmarks/images/many_images.py scatter --parts 52 --drawn
     python benchmarks/images/many_images.py cost
 """
 
@@ -32,6 +34,7 @@ from measured_plate import (  # noqa: E402
 from errors.measurands.geometry import Localisation  # noqa: E402
 from planner import MeasureOptions, Measurer, Registration, measure  # noqa: E402
 from planner.measuring.registered import displaced  # noqa: E402
+from planner.measuring.rehearsal import Rehearsal  # noqa: E402
 
 NAMES = ("left", "right", "apart", "width")
 # edges of rendered parts are sharp; 0 is no break that can be stated
@@ -40,36 +43,54 @@ FINER = 4
 IMAGES = 10
 
 
-def scatter(n_parts, seed):
+def rehearsed(plan, solid, seed):
+    """Return images of a plate whose faces all deviate as the plan states, and its true values."""
+    rehearsal = Rehearsal(plan, solid, seed=seed)
+    images = {rendered.shot.name: rendered.grey for rendered in rehearsal.images()}
+    truth = {}
+    for values in rehearsal.truth.values.values():
+        truth.update(values)
+    return images, truth
+
+
+def deviating(plan, solid, rng, seed):
+    """Return images of a plate with other radii, width and height, and its true values."""
+    root = np.linalg.cholesky(UNCERTAINTY.covariance)
+    left, right = rng.normal(0, 0.04, 2)
+    width = rng.normal(0, 0.05)
+    height = rng.normal(0, 0.02)
+    poses = [displaced(pose, root @ rng.normal(size=6))[0] for pose in POSES]
+    mesh = fine_plate(left=left, right=right, width=width, height=height)
+    off = {"left": 2 * left, "right": 2 * right, "apart": 0.0, "width": width}
+    truth = {name: plan.targets[name].nominal + more for name, more in off.items()}
+    return photograph(mesh, poses, seed=seed), truth
+
+
+def scatter(n_parts, seed, *, drawn):
     """Print errors and u of four values of many plates."""
     rng = np.random.default_rng(seed)
     solid = thick_plate()
-    measurer = Measurer(measured_plan(solid), solid)
-    root = np.linalg.cholesky(UNCERTAINTY.covariance)
-    sharp = MeasureOptions(Registration.own_edges(), edge_break_mm=SHARP)
-    detector = Localisation.gaussian(0.1, floor_px=0.0)
-    asked = {
-        "edges sharp within 0.05 mm": replace(sharp, edge_break_mm=None),
-        "edges stated as sharp": sharp,
-        "response and detector stated, too": replace(
-            sharp, response="linear", localisation=detector
-        ),
+    plan = measured_plan(solid)
+    measurer = Measurer(plan, solid)
+    own = Registration.own_edges()
+    without_floor = Localisation.gaussian(0.1, floor_px=0.0)
+    ways = {
+        "edges stated as sharp": MeasureOptions(own, edge_break_mm=SHARP),
+        "and the response": MeasureOptions(own, edge_break_mm=SHARP, response="linear"),
+        "and no floor": MeasureOptions(own, without_floor, edge_break_mm=SHARP, response="linear"),
     }
-    lines = {label: [] for label in asked}
+    lines = {label: [] for label in ways}
     for k in range(n_parts):
-        left, right = rng.normal(0, 0.04, 2)
-        width = rng.normal(0, 0.05)
-        height = rng.normal(0, 0.02)
-        poses = [displaced(pose, root @ rng.normal(size=6))[0] for pose in POSES]
-        mesh = fine_plate(left=left, right=right, width=width, height=height)
-        images = photograph(mesh, poses, seed=1000 + k)
-        truth = {"left": 2 * left, "right": 2 * right, "apart": 0.0, "width": width}
-        for label, options in asked.items():
-            rows = lines[label]
+        number = 1000 * seed + k
+        if drawn:
+            images, truth = rehearsed(plan, solid, number)
+        else:
+            images, truth = deviating(plan, solid, rng, number)
+        for label, options in ways.items():
             for result in measurer.measure(images, options):
                 if result.measured:
-                    error = result.deviation - truth[result.name]
-                    rows.append((error, result.standard_uncertainty))
+                    error = result.value - truth[result.name]
+                    lines[label].append((error, result.standard_uncertainty))
     for label, rows in lines.items():
         errors, u = np.array(rows).T
         z = errors / u
@@ -125,13 +146,14 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=("scatter", "cost"))
     parser.add_argument("--parts", type=int, default=60)
+    parser.add_argument("--drawn", action="store_true")
     parser.add_argument("--seed", type=int, default=5)
     parser.add_argument("--finer", type=int, default=FINER)
     arguments = parser.parse_args()
     if arguments.what == "cost":
         cost(arguments.finer)
     else:
-        scatter(arguments.parts, arguments.seed)
+        scatter(arguments.parts, arguments.seed, drawn=arguments.drawn)
 
 
 if __name__ == "__main__":

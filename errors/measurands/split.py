@@ -201,6 +201,22 @@ class SplitModel:
             )
         )
 
+    def end_uncertainties(self, world_to_camera: ArrayLike) -> Array:
+        """Return the standard deviation (2,) of the error by each entity, without surfaces; infinite without an image.
+
+        Parameters
+        ----------
+        world_to_camera : array_like (2, 4, 4)
+            The pose that measures each entity.
+        """
+        poses = self._checked(world_to_camera)
+        return np.array(
+            [
+                self._model(k, 0.0, 0.0).describe(pose).standard_uncertainty
+                for k, pose in enumerate(poses)
+            ]
+        )
+
     def end_probability(self, entity: int, world_to_camera: ArrayLike) -> float:
         """Return the probability that the error by one entity alone is at most the permitted one.
 

@@ -102,7 +102,12 @@ def bound_sentence(
     proof = (
         f"Every plan that inspects {these} under this request has at least {count(bound, place)}"
     )
-    return f"Proven lower bound{scope}: {bound}. {proof}."
+    return f"Proven lower bound{scope}: {bound}. {proof}{_whole_bound_text(plan)}."
+
+
+def _whole_bound_text(plan: InspectionPlan) -> str:
+    """Say what is proven of plans that measure each target in one image; nothing where that is no more."""
+    return f", and at least {plan.whole_bound} without split values" if plan.whole_bound else ""
 
 
 def dark_note(plan: InspectionPlan) -> str:
@@ -567,7 +572,7 @@ def brief_verdict(plan: InspectionPlan) -> str:
     head = _inspected_text(plan)
     if n and plan.request.poses is None:
         bound = f"; at least {plan.lower_bound} {'is' if plan.lower_bound == 1 else 'are'} needed"
-        head += ", proven to be the fewest" if plan.minimal else bound
+        head += ", proven to be the fewest" if plan.minimal else bound + _whole_bound_text(plan)
         if plan.unlit:
             head += f" for the {len(plan.inspected)} that poses inspect{dark_note(plan)}"
         elif not plan.complete:

@@ -6,7 +6,7 @@ measures each of its ends. So the whole is a further witness of each end.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -89,6 +89,16 @@ def target_and_end(name: str) -> tuple[str, int]:
 def split_names(problem: Problem) -> list[str]:
     """Return the names of targets that can be split."""
     return [target.name for target in problem.targets if can_be_split(target)]
+
+
+def ends_apart(problem: Problem, names: Sequence[str]) -> Split:
+    """Return the request of a bound for plans that may split some targets: their entities count one by one.
+
+    Whatever images measure a target, each of its entities is in one of them, and meets the conditions of the proof
+    there.
+    """
+    problem = problem.restricted_to(names)
+    return split_problem(problem, split_names(problem), any_way=True)
 
 
 def split_problem(

@@ -19,6 +19,7 @@ Targets that no counted column contains any more are left to the search for sett
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,8 +29,12 @@ from planner.callbacks import Checkpoint
 from planner.cover import few_columns
 from planner.search.columns import ColumnPool, Pools, WarmStart, derive_seed, price_poses
 from planner.search.incumbents import REFUTING_SHARE, SearchRun, candidate_settings
+from planner.search.plan_setting import setting_at
 from planner.search.realise_column import (
     Supported,
+    keeps,
+    poses_stated,
+    with_p_all,
     without_contradicted,
 )
 from planner.sensor_setting import SensorSetting
@@ -245,6 +250,47 @@ def chosen_settings(
     )
     supported = supported_settings(run, candidate_settings(run, counted, chosen))
     return without_contradicted(run.problem, supported)
+
+
+def already_there(
+    run: SearchRun, chosen: Sequence[SensorSetting], ready: Sequence[SensorSetting]
+) -> tuple[list[SensorSetting], list[SensorSetting]]:
+    """Return settings of another plan that serve for chosen ones from where they are, and the other chosen ones.
+
+    Parameters
+    ----------
+    run : SearchRun
+        Its request says what is asked.
+    chosen : sequence of SensorSetting
+        One for each column of the cover.
+    ready : sequence of SensorSetting
+        Settings of the other plan, off their limits already.
+    """
+    if not ready:
+        return [], list(chosen)
+    there = []
+    others = []
+    unused = list(ready)
+    inspects = list(run.judge(np.array([setting.cam2world for setting in ready])).inspects)
+    poses = poses_stated(sum(len(setting.entities) for setting in chosen))
+    for candidate in chosen:
+        names = candidate.entities
+        column = np.isin(run.names, names)
+        index = next((k for k in range(len(unused)) if inspects[k][column].all()), None)
+        if index is None:
+            others.append(candidate)
+            continue
+        old = unused[index]
+        setting = setting_at(run.problem, old.cam2world, names, old.message, old.seed, old.nfev)
+        setting = replace(setting, generations=old.generations)
+        contradicted = run.promises.contradicted_in(setting)
+        setting = with_p_all(run.judge, setting, derive_seed(run.seed, names), poses)
+        if contradicted or not all(keeps(run.judge, p) for p in setting.p_all.values()):
+            others.append(candidate)
+            continue
+        there.append(setting)
+        del unused[index], inspects[index]
+    return there, others
 
 
 def supported_settings(run: SearchRun, candidates: Sequence[SensorSetting]) -> list[Supported]:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields, replace
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from planner.identity import Request
 from planner.plan import InspectionPlan
 from planner.request.problem import Problem, witness_reasons
 from planner.request.reach import PoseRegion
+from planner.request.split import NEVER, split_names
 from planner.request.targets import Target
 from planner.resume import PlanningState
 from planner.search.columns import (
@@ -80,6 +81,8 @@ class PlanState:
         Targets that no pose inspects, and why.
     incompatible : tuple of str
         Targets of which no setting inspects two, as known so far.
+    incompatible_ends : tuple of str
+        Targets that have an entity each so that no setting inspects two of these; only if plans may split targets.
     weighing : Pools or None
         Columns that the weights of the proof come from, if they are not those of the plan.
     inspected : array of bool (k,) or None
@@ -107,6 +110,7 @@ class PlanState:
     entries: dict[str, Any] = field(default_factory=dict)
     uninspectable: dict[str, Reason] = field(default_factory=dict)
     incompatible: tuple[str, ...] = ()
+    incompatible_ends: tuple[str, ...] = ()
     weighing: Pools | None = None
     inspected: NDArray[np.bool_] | None = None
     n_known: int = 0
@@ -151,9 +155,15 @@ class PlanState:
                 "counted": None if counted is None else ColumnPool.from_dict(counted),
                 "uninspectable": reasons_from(data["uninspectable"], data["uninspectable_kinds"]),
                 "incompatible": tuple(data["incompatible"]),
+                "incompatible_ends": tuple(data["incompatible_ends"]),
                 "plan": None if plan is None else InspectionPlan.from_dict(plan),
             }
         )
+
+
+def may_split(run: SearchRun) -> bool:
+    """Return whether plans of a run may measure some of its targets in two settings."""
+    return run.request.split != NEVER and bool(split_names(run.problem))
 
 
 def empty_pools(n_targets: int) -> Pools:
@@ -722,11 +732,34 @@ _OFFERS_APART = 4.0
 # seconds, and then a share of the time, for plans on the way of a run that has all the time it needs
 _FREE_S = 1.0
 _SHARE = 0.1
-_TRIVIAL = "Fewer settings than one inspect nothing; the proof of a larger bound had not begun."
+TRIVIAL = "Fewer settings than one inspect nothing; the proof of a larger bound had not begun."
 SO_FAR = (
     "Covering by optimistic columns, boxes of camera poses checked against necessary conditions (visibility, focus, "
     "sensor size, length of the image), as far as the proof had got."
 )
+
+
+class Needed(NamedTuple):
+    """How many settings are needed at least.
+
+    Attributes
+    ----------
+    n : int
+        So many, in any plan.
+    proof : str
+        What that rests on.
+    of_whole : int
+        So many where no target is split; 0 if plans may not split targets.
+    """
+
+    n: int
+    proof: str
+    of_whole: int = 0
+
+    def stated_in(self, plan: InspectionPlan) -> InspectionPlan:
+        """Return a plan that states it."""
+        more = self.of_whole if self.of_whole > self.n else 0
+        return replace(plan, lower_bound=self.n, bound_proof=self.proof, whole_bound=more)
 
 
 class Incumbents:
@@ -749,6 +782,8 @@ class Incumbents:
         self._callbacks = callbacks
         # the best one of each kind
         self._proofs: dict[str, ProvenBound] = {}
+        # of plans that may split targets
+        self._proof_of_ends: ProvenBound | None = None
         self._columns = SupportedColumns()
         self._begun = time.monotonic()
         self._spent_s = 0.0
@@ -815,8 +850,8 @@ class Incumbents:
             run, pool, (0, 0) if self.best is None else _worth(self.best), covers
         )
         if cover:
-            bound, proof = self.proven(run, cover)
-            plan = assembled(run, cover, bound, proof, unfinished=True)
+            proven = self.proven(run, cover)
+            plan = proven.stated_in(assembled(run, cover, proven.n, proven.proof, unfinished=True))
             if self.best is None or _worth(plan) > _worth(self.best):
                 self.publish(plan)
         self._spent_s += time.monotonic() - begun
@@ -826,36 +861,53 @@ class Incumbents:
         self._callbacks.bound(proven.n, proven.weights)
         self._proofs[proven.proof] = proven
         if self.best is not None:
-            n_needed, proof = self.proven(run, self.best.settings)
-            if n_needed > self.best.lower_bound:
-                self.publish(replace(self.best, lower_bound=n_needed, bound_proof=proof))
+            best = self.proven(run, self.best.settings).stated_in(self.best)
+            is_better = best.lower_bound > self.best.lower_bound
+            if is_better or best.whole_bound > self.best.whole_bound:
+                self.publish(best)
 
     def on_incompatible(self, run: SearchRun) -> None:
         """Take in the bound of entities that exclude each other, if some are known."""
-        incompatible = run.state.incompatible
-        n = len(incompatible)
-        if n > 1:
-            seen = np.isin(run.names, incompatible)
-            self.on_bound(run, ProvenBound(n, exclusion_proof(run.problem, n), seen))
+        ends = run.state.incompatible_ends
+        if len(ends) > 1:
+            self._proof_of_ends = _of_exclusion(run, ends)
+        if len(run.state.incompatible) > 1:
+            self.on_bound(run, _of_exclusion(run, run.state.incompatible))
 
     def latest(self, run: SearchRun) -> InspectionPlan:
         """Return the best plan, or one without settings if there is none yet."""
         if self.best is not None:
             return self.best
-        return assembled(run, [], *self.proven(run, []), unfinished=True)
+        needed = self.proven(run, [])
+        return assembled(run, [], needed.n, needed.proof, unfinished=True)
 
     def publish(self, plan: InspectionPlan) -> None:
         """Take in the plan of the whole run, and tell of it."""
         self.best = plan
         self._callbacks.best(plan)
 
-    def proven(self, run: SearchRun, settings: Sequence[SensorSetting]) -> tuple[int, str]:
+    def proven(self, run: SearchRun, settings: Sequence[SensorSetting]) -> Needed:
         """Return the bound that holds for what settings inspect, and what it rests on."""
         if not settings:
-            return 0, "No entity is inspected."
+            return Needed(0, "No entity is inspected.")
         seen = np.isin(run.names, [name for setting in settings for name in setting.entities])
-        for_these = [(bound.for_some(seen), bound.proof) for bound in self._proofs.values()]
-        return max([(1, _TRIVIAL), *for_these], key=lambda bound: bound[0])
+        of_whole = _largest(self._proofs.values(), seen)
+        if not may_split(run):
+            return of_whole
+        proofs = [] if self._proof_of_ends is None else [self._proof_of_ends]
+        return _largest(proofs, seen)._replace(of_whole=of_whole.n)
+
+
+def _of_exclusion(run: SearchRun, names: Sequence[str]) -> ProvenBound:
+    """Return the bound of targets that exclude each other."""
+    n = len(names)
+    return ProvenBound(n, exclusion_proof(run.problem, n), np.isin(run.names, names))
+
+
+def _largest(proofs: Iterable[ProvenBound], seen: NDArray[np.bool_]) -> Needed:
+    """Return the largest bound that proofs give for some targets (k,)."""
+    for_these = [Needed(bound.for_some(seen), bound.proof) for bound in proofs]
+    return max([Needed(1, TRIVIAL), *for_these], key=lambda needed: needed.n)
 
 
 def _worth(plan: InspectionPlan) -> tuple[int, int]:

@@ -1,8 +1,11 @@
 """Plans whose targets may be measured by two settings, one entity each, where that inspects more or saves a setting.
 
-A plan of whole targets comes first. Then ends join the columns of its poses, and of poses that are searched for targets
-without a setting. A cover of these columns is settled as any other one. It replaces the plan if it inspects more
-targets, or as many in fewer settings. A target that is measured as a whole stays so.
+A plan of whole targets comes first, with its bound. Then ends join the columns of its poses, and of poses that are
+searched for targets without a setting. A cover of these columns is settled as any other one, but settings of the plan
+that serve for a column stay where they are. It replaces the plan if it inspects more targets, or as many in fewer
+settings. A target that is measured as a whole stays so.
+
+The bound of the plan does not hold for plans that split targets. So another one follows, of ends.
 """
 
 from __future__ import annotations
@@ -14,39 +17,49 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from errors.measurands import SplitModel
-from planner.bound.lower_bound import exclusion_proof, exclusive_entities
-from planner.cover import few_columns
+from ground.shared import Shared
+from planner.bound.lower_bound import exclusion_proof, lower_bound
+from planner.cover import few_columns, maximal_columns
 from planner.executors import in_order
 from planner.plan import InspectionPlan
 from planner.progress import TimeIsUpError
 from planner.request.problem import Problem
 from planner.request.registration import means_at
 from planner.request.split import (
-    NEVER,
     WHOLE,
     Split,
     end_name,
+    ends_apart,
     split_names,
     split_problem,
     target_and_end,
 )
-from planner.request.targets import PlannedDimension
+from planner.request.targets import END_SHARE, PlannedDimension
 from planner.resume import PlanningState
-from planner.search.columns import WarmStart, derive_seed, judged_poses, price_poses
+from planner.search.columns import Judge, WarmStart, derive_seed, judged_poses, price_poses
 from planner.search.counted_columns import CountedColumns
-from planner.search.incumbents import SearchRun, assembled
-from planner.search.plan_setting import without
-from planner.search.stages import settle
+from planner.search.evolution import Centring
+from planner.search.incumbents import TRIVIAL, SearchRun, assembled, may_split
+from planner.search.plan_setting import setting_at, without
+from planner.search.realise_column import centre_setting, keeps, poses_stated, realise
+from planner.search.stages import settle, without_unproven
 from planner.sensor_setting import Reason, ReasonKind, SensorSetting, SplitValue
-from planner.verify.simulate_setting import MOST_REQUIRED, lower_bound, poses_needed
+from planner.verify.simulate_setting import MOST_REQUIRED, poses_needed
+from planner.verify.simulate_setting import lower_bound as p_all_bound
 from planner.verify.simulate_split import SplitCameras, checks_of, split_successes
+
+Array = NDArray[np.float64]
 
 # rounds of column generation with ends: the poses of the plan are there already
 _ROUNDS = 12
 # displaced poses of each camera of a split target
 _POSES = 20_000
+# times that a target which falls short is improved, and the least share of its error that an end is permitted then
+_MOST_IMPROVED = 2
+_LEAST_SHARE = 0.35
 _NO_SETTING = Reason("no setting")
 
 
@@ -61,23 +74,30 @@ def with_split(run: SearchRun, plan: InspectionPlan) -> InspectionPlan:
     run : SearchRun
         The run that made the plan; its pools hold other poses.
     plan : InspectionPlan
-        The plan of whole targets.
+        The plan of whole targets, with a bound for such plans.
     """
-    if run.request.split == NEVER or plan.unfinished:
+    if not may_split(run):
         return plan
+    proof = _BoundOfEnds(run)
+    best = proof.first(plan)
+    if plan.unfinished:
+        return best
     try:
-        other = _other_plan(run, plan)
+        other = _other_plan(run, best, proof)
+        if other is not None and _is_better(other, plan):
+            best = other
+        return proof.of(best)
     except TimeIsUpError:
-        return replace(plan, unfinished=True)
-    if other is None:
-        return plan
+        return replace(best, unfinished=True)
+
+
+def _is_better(other: InspectionPlan, plan: InspectionPlan) -> bool:
     more = len(other.inspected) - len(plan.inspected)
-    lost = set(plan.inspected) - set(other.inspected)
-    is_better = more > 0 or (more == 0 and len(other.settings) < len(plan.settings))
-    return other if is_better and not lost else plan
+    fewer = len(other.settings) < len(plan.settings)
+    return (more > 0 or (more == 0 and fewer)) and set(plan.inspected) <= set(other.inspected)
 
 
-def _other_plan(run: SearchRun, plan: InspectionPlan) -> InspectionPlan | None:
+def _other_plan(run: SearchRun, plan: InspectionPlan, proof: _BoundOfEnds) -> InspectionPlan | None:
     missing = []
     present = []
     for name in split_names(run.problem):
@@ -97,7 +117,92 @@ def _other_plan(run: SearchRun, plan: InspectionPlan) -> InspectionPlan | None:
         return None
     targets = [name for name in run.names if name in plan.inspected or name in missing]
     split = split_problem(run.problem.restricted_to(targets), {*missing, *present}, present)
+    proof.poses.append(ends.poses)
     return _SplitSearch(run, plan, split).plan(ends.poses)
+
+
+class _BoundOfEnds:
+    """How many settings plans need at least that may split targets.
+
+    Parameters
+    ----------
+    run : SearchRun
+        The run that made a plan of whole targets.
+
+    Attributes
+    ----------
+    poses : list of array (n, 4, 4)
+        Poses that are known.
+    """
+
+    def __init__(self, run: SearchRun) -> None:
+        self._run = run
+        self.poses = [run.pools.realised.poses, run.pools.near.poses]
+        if run.state.weighing is not None:
+            self.poses.append(run.state.weighing.realised.poses)
+
+    def first(self, plan: InspectionPlan) -> InspectionPlan:
+        """Return a plan of whole targets with the bound of ends that exclude each other, and its own beside it."""
+        n = min(1, len(plan.settings))
+        exclusive = self._run.state.incompatible_ends
+        lost = set(exclusive) - set(plan.inspected)
+        n = max(n, len(exclusive) - len(lost))
+        return self._stated(plan, n, exclusion_proof(self._run.problem, n) if n > 1 else TRIVIAL)
+
+    def of(self, plan: InspectionPlan) -> InspectionPlan:
+        """Return a plan with what can be proven of ends.
+
+        Known poses that cover all ends are a limit of any such proof. So it aims at no more.
+        """
+        run = self._run
+        enough = len(plan.settings)
+        if enough <= max(1, plan.lower_bound):
+            return plan
+        apart = ends_apart(run.problem, list(plan.inspected))
+        judge = Judge(without_unproven(apart.problem) or apart.problem, run.effort)
+        at_settings = np.array([setting.cam2world for setting in plan.settings])
+        columns = judge(np.concatenate([*self.poses, at_settings])).inspects
+        columns[-enough:] |= _measured(plan, apart)
+        columns = columns[maximal_columns(columns)]
+        if columns.any(axis=0).all():
+            cover = few_columns(columns, run.nodes(), run.rng("known ends"))
+            enough = min(enough, len(cover))
+        enough = run.callbacks.deadline.wanted_bound(enough)
+        if enough <= plan.lower_bound:
+            return plan
+        # what it proves on the way is of ends, which nobody knows outside
+        silent = replace(run.callbacks, on_bound=None)
+        n, proof, _ = lower_bound(
+            apart.problem,
+            enough,
+            columns,
+            effort=run.effort,
+            executor=run.executor,
+            callbacks=silent,
+        )
+        return self._stated(plan, n, proof) if n > plan.lower_bound else plan
+
+    def _stated(self, plan: InspectionPlan, n: int, proof: str) -> InspectionPlan:
+        """Return a plan with a bound of all plans; that of whole targets stays, if it says more."""
+        of_whole = plan.whole_bound or plan.lower_bound
+        if plan.split or of_whole <= n:
+            of_whole = 0
+        # the proof of whole targets proves no more for them if the bounds are equal
+        return replace(plan, lower_bound=n, bound_proof=proof, whole_bound=of_whole)
+
+
+def _measured(plan: InspectionPlan, apart: Split) -> NDArray[np.bool_]:
+    """Return which ends (s, e) the settings of a plan measure, alone or in the whole target."""
+    names = list(plan.inspected)
+    measured = np.zeros((len(plan.settings), len(apart.owner)), dtype=bool)
+    for row, setting in zip(measured, plan.settings, strict=True):
+        for k, (owner, entity) in enumerate(zip(apart.owner, apart.entity, strict=True)):
+            name = names[owner]
+            if name in setting.ends:
+                row[k] = setting.ends[name] == entity
+            else:
+                row[k] = name in setting.entities
+    return measured
 
 
 class _EndPoses:
@@ -209,7 +314,7 @@ class _SplitSearch:
             return None
         columns = CountedColumns(child, inspected)
         columns.repair(columns.count_cover())
-        settings = settle(child, inspected, columns.counted).settings
+        settings = settle(child, inspected, columns.counted, ready=self._plan.settings).settings
         return self._assembled(settings)
 
     def _whole_targets(self, inspected: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -221,6 +326,7 @@ class _SplitSearch:
     def _assembled(self, settings: Sequence[SensorSetting]) -> InspectionPlan | None:
         """Return the plan of settings of the request with ends; None if these lose a target that the plan inspects."""
         lost: dict[str, Reason] = {}
+        tried: list[str] = []
         while True:
             needed = self._without_needless(settings, lost)
             if not needed:
@@ -230,12 +336,19 @@ class _SplitSearch:
             draft = assembled(self._child, needed, bound, self._plan.bound_proof)
             renamed = tuple(map(self._as_targets, draft.settings))
             values = self._values(renamed)
-            n_lost = len(lost)
-            for name, value in values.items():
-                if not self._is_enough(value):
-                    lost[name] = _too_low(value, self._run)
-            if len(lost) == n_lost:
+            short = [name for name, value in values.items() if not self._is_enough(value)]
+            if not short:
                 break
+            settings = draft.settings
+            for name in short:
+                better = None
+                if tried.count(name) < _MOST_IMPROVED:
+                    better = self._improved(settings, name, values[name])
+                tried.append(name)
+                if better is None:
+                    lost[name] = _too_low(values[name], self._run)
+                else:
+                    settings = better
         measured = {name for setting in renamed for name in setting.entities}
         if not measured.issuperset(self._plan.inspected):
             # moved off its limits, a setting may fall short of the required P_all
@@ -243,33 +356,88 @@ class _SplitSearch:
         reasons = {**self._plan.uninspectable, **lost}
         for name in measured:
             reasons.pop(name, None)
-        inspected = [name for name in self._run.names if name not in reasons]
-        bound, proof = self._bound(inspected, bound)
         return replace(
             self._plan,
             settings=renamed,
-            lower_bound=min(bound, len(renamed)),
-            bound_proof=proof,
+            lower_bound=bound,
             uninspectable=reasons,
             split=values,
             light=None,
+            whole_bound=0,
         )
 
-    def _bound(self, names: Sequence[str], bound: int) -> tuple[int, str]:
-        """Return a bound for what settings inspect, and what it rests on: that of the plan, or ends that exclude."""
-        problem = self._run.problem.restricted_to(names)
-        apart = split_problem(problem, split_names(problem), any_way=True)
-        columns = []
-        for owner, entity in zip(apart.owner.tolist(), apart.entity.tolist(), strict=True):
-            whole = names[owner]
-            end = end_name(whole, entity)
-            columns.append(self._child.names.index(end if end in self._child.names else whole))
-        membership = self._child.pool.membership[:, columns]
-        every = np.arange(len(columns))
-        exclusive = exclusive_entities(apart.problem, every, membership, self._run.executor)
-        if len(exclusive) <= bound:
-            return bound, self._plan.bound_proof
-        return len(exclusive), exclusion_proof(apart.problem, len(exclusive))
+    def _improved(
+        self, settings: Sequence[SensorSetting], name: str, value: SplitValue
+    ) -> list[SensorSetting] | None:
+        """Return settings in which a target is more likely to be measured well; None if none are found.
+
+        The entity with the larger share of the variance is searched again. It is permitted what the rest leaves of the
+        permitted error: a² = r² - (z u_rest)².
+        """
+        pair = [self._index(settings, end_name(name, k)) for k in range(2)]
+        model, poses = self._model(name, *(self._as_targets(settings[k]) for k in pair))
+        of_ends = model.end_uncertainties(poses)
+        worse = int(np.argmax(of_ends))
+        remainder = value.standard_uncertainty**2 - of_ends[worse] ** 2
+        permitted = model.whole.permitted_error
+        remaining = (
+            permitted**2 - float(ndtri((1 + self._run.problem.probability) / 2)) ** 2 * remainder
+        )
+        # where the remainder takes all of it, the entity becomes as sure as it can
+        share = max(remaining, (_LEAST_SHARE * permitted) ** 2) ** 0.5 / permitted
+        return self._with_surer(settings, pair[worse], name, worse, share, value)
+
+    def _with_surer(
+        self,
+        settings: Sequence[SensorSetting],
+        index: int,
+        name: str,
+        entity: int,
+        share: float,
+        value: SplitValue,
+    ) -> list[SensorSetting] | None:
+        """Return settings of which one measures an entity better: all of one setting, or it in a setting of its own."""
+        end = end_name(name, entity)
+        child = self._child
+        strict = Judge(_with_share(child.problem, end, share), child.effort)
+        setting = settings[index]
+        for names in (setting.entities, (end,)):
+            outcome = realise(
+                Shared(strict),
+                names,
+                derive_seed(child.seed, [*names, "surer"]),
+                setting.cam2world[None],
+            )
+            if outcome.setting is None:
+                continue
+            pose = outcome.setting.cam2world
+            if not child.judge(pose[None]).inspects[0, np.isin(child.names, names)].all():
+                continue
+            poses = poses_stated(sum(len(other.entities) for other in settings))
+            moved = setting_at(child.problem, pose, names, "surer", outcome.setting.seed)
+            # the surest pose may lie at a limit, where its entity often leaves the image
+            moved = centre_setting(
+                child.shared,
+                moved,
+                derive_seed(child.seed, names),
+                poses,
+                Centring.of(child.effort),
+                len(settings),
+            )
+            if not all(keeps(child.judge, p) for p in moved.p_all.values()):
+                continue
+            others = [*settings[:index], *settings[index + 1 :], moved]
+            fewer = [other for other in setting.entities if other not in names]
+            if fewer:
+                others.append(without(self._split.problem, setting, list(names)))
+            pair = [self._index(others, end_name(name, k)) for k in range(2)]
+            again = self._value(name, *(self._as_targets(others[k]) for k in pair))
+            if again.p_all > value.p_all:
+                return others
+        return None
+
+    def _index(self, settings: Sequence[SensorSetting], end: str) -> int:
+        return next(k for k, setting in enumerate(settings) if end in setting.entities)
 
     def _is_enough(self, value: SplitValue) -> bool:
         return value.p_all >= min(self._run.problem.probability, MOST_REQUIRED)
@@ -368,36 +536,57 @@ class _SplitSearch:
             values[name] = self._value(name, ends[name][0], ends[name][1])
         return values
 
+    def _model(self, name: str, *settings: SensorSetting) -> tuple[SplitModel, Array]:
+        """Return the model of a target that two settings measure, and their poses (2, 4, 4), world to camera."""
+        run = self._run
+        target = self._target(name, settings[0])
+        means = replace(run.request.means, localisation=target.localisation)
+        models = [target.description(means_at(means, setting, name)) for setting in settings]
+        poses = np.array([setting.cam2world for setting in settings])
+        return SplitModel(*models), np.linalg.inv(poses)
+
+    def _target(self, name: str, setting: SensorSetting) -> PlannedDimension:
+        target = self._run.problem.measured[name]
+        if len(target.witnesses) > 1:
+            target = target.choosing(setting.witness[name])
+        assert isinstance(target, PlannedDimension)
+        return target
+
     def _value(self, name: str, *settings: SensorSetting) -> SplitValue:
         run = self._run
-        target = run.problem.measured[name]
-        if len(target.witnesses) > 1:
-            target = target.choosing(settings[0].witness[name])
-        assert isinstance(target, PlannedDimension)
-        means = replace(run.request.means, localisation=target.localisation)
-        models = []
-        poses = []
-        knowledge = []
-        checks = []
-        for k, setting in enumerate(settings):
-            pose = setting.cam2world
-            models.append(target.description(means_at(means, setting, name)))
-            poses.append(pose)
-            knowledge.append(setting.registered)
-            checks.append(checks_of(self._split.problem, pose, end_name(name, k)))
-        model = SplitModel(*models)
-        uncertainty = run.problem.pose_uncertainty
-        cameras = SplitCameras(target, poses, knowledge, run.problem.camera, uncertainty)
-        world_to_camera = np.linalg.inv(np.array(poses))
+        model, world_to_camera = self._model(name, *settings)
+        checks = [
+            checks_of(self._split.problem, setting.cam2world, end_name(name, k))
+            for k, setting in enumerate(settings)
+        ]
+        cameras = SplitCameras(
+            self._target(name, settings[0]),
+            [setting.cam2world for setting in settings],
+            [setting.registered for setting in settings],
+            run.problem.camera,
+            run.problem.pose_uncertainty,
+        )
         n = poses_needed(run.problem.probability, _POSES)
         hits = split_successes(cameras, checks, n, [derive_seed(run.seed, ["split", name])])
         probability = model.probability(world_to_camera)
         return SplitValue(
             probability,
-            min(lower_bound(hits, n), probability),
+            min(p_all_bound(hits, n), probability),
             n,
             model.standard_uncertainty(world_to_camera),
         )
+
+
+def _with_share(problem: Problem, end: str, share: float) -> Problem:
+    """Return a request in which an end is permitted a share of the error of its target."""
+    targets = []
+    for target in problem.targets:
+        if target.name == end:
+            assert isinstance(target, PlannedDimension)
+            # `END_SHARE` of it counts already
+            target = replace(target, permitted_error=share / END_SHARE * target.permitted_error)
+        targets.append(target)
+    return replace(problem, targets=tuple(targets))
 
 
 def _surest_pair(

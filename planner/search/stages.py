@@ -34,7 +34,7 @@ from planner.light.plan_light import chosen_lamps
 from planner.plan import InspectionPlan
 from planner.progress import report
 from planner.request.problem import Problem
-from planner.request.split import NEVER, Split, split_names, split_problem
+from planner.request.split import ends_apart
 from planner.search.columns import (
     ColumnPool,
     Judge,
@@ -46,12 +46,13 @@ from planner.search.columns import (
     perturbed,
     price_poses,
 )
-from planner.search.counted_columns import CountedColumns, chosen_settings
+from planner.search.counted_columns import CountedColumns, already_there, chosen_settings
 from planner.search.evolution import Centring
 from planner.search.incumbents import (
     REFUTING_SHARE,
     SO_FAR,
     Incumbents,
+    Needed,
     PlanState,
     SearchRun,
     as_simulated,
@@ -59,6 +60,7 @@ from planner.search.incumbents import (
     candidate_settings,
     empty_pools,
     in_order_of_arm,
+    may_split,
 )
 from planner.search.plan_setting import setting_at, without
 from planner.search.realise_column import (
@@ -231,7 +233,7 @@ class ShortTargets:
             self.reached[name] = max(self.reached[name], p_all)
 
 
-Proven = Callable[[SearchRun, Sequence[SensorSetting]], tuple[int, str]]
+Proven = Callable[[SearchRun, Sequence[SensorSetting]], Needed]
 
 
 class Settled(NamedTuple):
@@ -250,7 +252,12 @@ class Settled(NamedTuple):
 
 
 def settle(
-    run: SearchRun, inspected: np.ndarray, counted: ColumnPool, *, moves: bool = True
+    run: SearchRun,
+    inspected: np.ndarray,
+    counted: ColumnPool,
+    *,
+    moves: bool = True,
+    ready: Sequence[SensorSetting] = (),
 ) -> Settled:
     """Choose the final cover and give every column in it the best pose that simulation supports.
 
@@ -265,8 +272,11 @@ def settle(
         Columns of which every target has the required P_all; see `CountedColumns`.
     moves : bool
         Whether the poses are moved off their limits.
+    ready : sequence of SensorSetting
+        Settings of another plan, off their limits already. Where one of them serves for a column, it stays where it
+        is, and that column is searched no more.
     """
-    settings = chosen_settings(run, counted, inspected)
+    there, settings = already_there(run, chosen_settings(run, counted, inspected), ready)
     centring = Centring.of(run.effort)
     if not moves:
         centring = centring._replace(give_up=0.0)
@@ -276,7 +286,7 @@ def settle(
 
     missing = run.names_of(inspected & ~counted.inspected)
     best = {name: run.promises.largest_bound(name) for name in missing}
-    settled = _without_short(run, centre(settings), centre, best)
+    settled = _without_short(run, [*there, *centre(settings)], centre, best)
     return settled._replace(settings=without_spare(run, settled.settings, centre))
 
 
@@ -324,7 +334,7 @@ def settle_early(run: SearchRun, plan: InspectionPlan, proven: Proven) -> Inspec
     plan : InspectionPlan
         The best plan so far.
     proven : callable
-        ``proven(run, settings)`` returns the bound for what settings inspect, and what it rests on.
+        ``proven(run, settings)`` returns the bounds for what settings inspect.
     """
     moved = centre_all(
         run,
@@ -336,14 +346,12 @@ def settle_early(run: SearchRun, plan: InspectionPlan, proven: Proven) -> Inspec
     settings = settled.settings
     if run.problem.requirements.cell is not None:
         settings = in_order_of_arm(run.problem, settings, unfinished=True)
-    bound, proof = proven(run, settings)
-    return replace(
+    ended = replace(
         plan,
         settings=tuple(settings),
-        lower_bound=bound,
-        bound_proof=proof,
         uninspectable={**plan.uninspectable, **settled.lost},
     )
+    return proven(run, settings).stated_in(ended)
 
 
 def _without_short(
@@ -542,23 +550,18 @@ def prove_bound(run: SearchRun, incumbents: Incumbents) -> ProvenBound:
     state = run.state
     inspected = _inspected(run)
     columns = ProofColumns(run)
-    apart = entities_apart(run, inspected)
 
     def improve(poses: np.ndarray) -> np.ndarray:
         state.joined += 1
         columns.join(poses, derive_seed(run.seed, ["joined", str(state.joined)]))
         incumbents.offer(run)
-        return columns.membership[:, inspected][:, apart.owner]
+        return columns.membership[:, inspected]
 
     def raised(bound: int, weights: np.ndarray | None) -> None:
         incumbents.on_bound(run, ProvenBound(bound, SO_FAR, inspected, _of_all(weights)))
 
     def _of_all(weights: np.ndarray | None) -> np.ndarray | None:
-        if weights is None:
-            return None
-        # what inspects a target inspects all of its entities, in one setting or in several
-        of_targets = np.bincount(apart.owner, weights, minlength=int(inspected.sum()))
-        return of_all(of_targets.astype(float), inspected)
+        return None if weights is None else of_all(weights, inspected)
 
     checkpoint = run.checkpoint()
     proven = checkpoint.get("proven")
@@ -570,9 +573,9 @@ def prove_bound(run: SearchRun, incumbents: Incumbents) -> ProvenBound:
         proven = alone, exclusion_proof(run.problem, alone), None
     if proven is None:
         proven = lower_bound(
-            apart.problem,
+            run.problem.restricted_to(run.names_of(inspected)),
             enough,
-            columns.membership[:, inspected][:, apart.owner],
+            columns.membership[:, inspected],
             effort=run.effort,
             improve=improve,
             checkpoint=checkpoint,
@@ -586,17 +589,6 @@ def prove_bound(run: SearchRun, incumbents: Incumbents) -> ProvenBound:
     proven_bound = ProvenBound(bound, proof, inspected, _of_all(weights))
     incumbents.on_bound(run, proven_bound)
     return proven_bound
-
-
-def entities_apart(run: SearchRun, chosen: np.ndarray) -> Split:
-    """Return the request of a proof for some targets (k,): plans may split targets, so their entities count one by one.
-
-    Whatever images measure a target, each of its entities is in one of them, and meets the conditions of the proof
-    there.
-    """
-    problem = run.problem.restricted_to(run.names_of(chosen))
-    names = [] if run.request.split == NEVER else split_names(problem)
-    return split_problem(problem, names, any_way=True)
 
 
 def _inspected(run: SearchRun) -> np.ndarray:
@@ -613,15 +605,20 @@ def _inspected(run: SearchRun) -> np.ndarray:
 
 
 def find_incompatible(run: SearchRun) -> None:
-    """Find entities of which no setting inspects two: a bound long before the proof."""
+    """Find targets of which no setting inspects two: a bound long before the proof. The same of ends, if they count."""
     seen = np.flatnonzero(run.pool.inspected)
-    if seen.size > 1:
-        apart = entities_apart(run, run.pool.inspected)
-        columns = run.pool.membership[:, seen][:, apart.owner]
-        every = np.arange(len(apart.owner))
-        exclusive = exclusive_entities(apart.problem, every, columns, run.executor)
-        exclusive_targets = seen[np.unique(apart.owner[exclusive])]
-        run.state.incompatible = tuple(np.array(run.names)[exclusive_targets].tolist())
+    if seen.size < 2:
+        return
+    names = np.array(run.names)
+    exclusive = exclusive_entities(run.problem, seen, run.pool.membership[:, seen], run.executor)
+    run.state.incompatible = tuple(names[exclusive].tolist())
+    if not may_split(run):
+        return
+    apart = ends_apart(run.problem, names[seen].tolist())
+    columns = run.pool.membership[:, seen][:, apart.owner]
+    every = np.arange(len(apart.owner))
+    ends = exclusive_entities(apart.problem, every, columns, run.executor)
+    run.state.incompatible_ends = tuple(names[seen[np.unique(apart.owner[ends])]].tolist())
 
 
 def weigh_columns(run: SearchRun) -> None:
@@ -649,6 +646,15 @@ def weigh_columns(run: SearchRun) -> None:
     )
 
 
+def without_unproven(problem: Problem) -> Problem | None:
+    """Return a request without the conditions that the proof does not use; None if it has none."""
+    need = problem.requirements
+    showing = replace(need.showing, separation_px=0.0, min_corner_deg=0.0)
+    if showing == need.showing and need.cell is None:
+        return None
+    return replace(problem, requirements=replace(need, showing=showing, cell=None))
+
+
 class ProofColumns:
     """The columns that the proof's weights come from: those of the plan, or of a request without some conditions."""
 
@@ -658,12 +664,7 @@ class ProofColumns:
     @cached_property
     def relaxed(self) -> Problem | None:
         """The request without the conditions that the proof does not use; None if it has none."""
-        problem = self._run.problem
-        need = problem.requirements
-        showing = replace(need.showing, separation_px=0.0, min_corner_deg=0.0)
-        if showing == need.showing and need.cell is None:
-            return None
-        return replace(problem, requirements=replace(need, showing=showing, cell=None))
+        return without_unproven(self._run.problem)
 
     @cached_property
     def shared(self) -> Shared:

@@ -23,6 +23,7 @@ from planner.bound.lower_bound import exclusive_entities
 from planner.camera.pose import look_at
 from planner.exceptions import PlanFileError
 from planner.measuring.rehearsal import Rehearsal
+from planner.report.wording import brief_verdict
 from planner.request.reach import entity_space
 from planner.request.split import WHOLE, split_problem, target_and_end
 from planner.request.targets import (
@@ -33,7 +34,8 @@ from planner.request.targets import (
     targets_of,
 )
 from planner.search import split_plan
-from planner.search.plan_setting import without
+from planner.search.columns import perturbed
+from planner.search.plan_setting import setting_at, without
 from planner.sensor_setting import setting_name
 from planner.verify.simulate_split import cameras_of
 
@@ -98,8 +100,8 @@ def test_settings_that_lose_a_target_give_no_other_plan(solid, wanted, monkeypat
 
     settle = split_plan.settle
 
-    def settled(run, inspected, counted):
-        known = settle(run, inspected, counted)
+    def settled(run, inspected, counted, **options):
+        known = settle(run, inspected, counted, **options)
         fewer = [
             without(run.problem, setting, ["bore"]) if "bore" in setting.entities else setting
             for setting in known.settings
@@ -157,23 +159,78 @@ def test_the_bound_counts_each_entity(plan):
     assert "no two can be inspected together" in plan.bound_proof
 
 
-def test_a_setting_is_saved(solid):
+@pytest.fixture(scope="module")
+def three(solid):
     """Each side with its bore needs an image; the distance of the bores needs a third one, or both of these."""
     left, right = upper_rims(solid)
     sides = [[[x, 0.0, 40.0], [x, 50.0, 40.0]] for x in (0.0, LENGTH_MM)]
-    wanted = {
+    return {
         "left": Dimension.centre_to_edge(left, sides[0], max_error_mm=ERROR_MM),
         "right": Dimension.centre_to_edge(right, sides[1], max_error_mm=ERROR_MM),
         "apart": Dimension.centre_distance(left, right, max_error_mm=ERROR_MM),
     }
-    saving = planned(solid, wanted)
+
+
+def test_a_setting_is_saved(solid, three):
+    saving = planned(solid, three)
     assert saving.complete
     assert list(saving.split) == ["apart"]
     assert len(saving.settings) == saving.lower_bound == 2
+    assert saving.whole_bound == 0
     # other targets have the witnesses and all that they had as a whole
     for setting in saving.settings:
         (whole,) = set(setting.entities) - set(setting.ends)
         assert setting.p_all[whole] > 0.99
+
+
+def test_a_plan_without_split_values_states_both_bounds(solid, three, monkeypatch, tmp_path):
+    """Three settings are needed without split values, and two with them: the plan before ends is that of "never"."""
+    monkeypatch.setattr(split_plan, "_other_plan", lambda *_: None)
+    both = planned(solid, three)
+    whole = planned(solid, three, split="never")
+    assert both.settings == whole.settings
+    assert whole.lower_bound == both.whole_bound == len(both.settings) == 3
+    assert both.lower_bound == 2
+    assert whole.whole_bound == 0
+    assert "at least 2 are needed, and at least 3 without split values" in brief_verdict(both)
+    assert InspectionPlan.read(both.write(tmp_path / "plan.json")) == both
+    wrong = {**both.to_dict(), "whole_bound": 2}
+    with pytest.raises(PlanFileError, match="whole_bound must be 0, or 3 to 3"):
+        InspectionPlan.from_dict(wrong)
+
+
+def test_an_end_that_falls_short_is_searched_again(solid, wanted, plan, monkeypatch):
+    """One end is measured from the worst pose that serves: only a better one makes the value as sure as it was."""
+    settle = split_plan.settle
+    value_of = split_plan._SplitSearch._value
+    sure = plan.split["length"].p_all - 0.002
+    values = []
+
+    def settled(run, inspected, counted, **options):
+        known = settle(run, inspected, counted, **options)
+        (index,) = (k for k, other in enumerate(known.settings) if "bore" not in other.entities)
+        setting = known.settings[index]
+        rng = np.random.default_rng(1)
+        poses = perturbed(np.repeat(setting.cam2world[None], 3000, axis=0), 250.0, rng)
+        judged = run.judge(poses)
+        column = run.names.index(setting.entities[0])
+        sureness = np.where(judged.inspects[:, column], judged.probability[:, column], 1.0)
+        pose = poses[np.argmin(sureness)]
+        worse = setting_at(run.problem, pose, setting.entities, "worse", 0)
+        settings = [*known.settings[:index], worse, *known.settings[index + 1 :]]
+        return known._replace(settings=settings)
+
+    def valued(search, name, *settings):
+        values.append(value_of(search, name, *settings))
+        return values[-1]
+
+    monkeypatch.setattr(split_plan, "settle", settled)
+    monkeypatch.setattr(split_plan._SplitSearch, "_value", valued)
+    monkeypatch.setattr(split_plan._SplitSearch, "_is_enough", lambda _, value: value.p_all >= sure)
+    surer = planned(solid, wanted)
+    assert values[0].p_all < sure
+    assert surer.complete
+    assert surer.split["length"].p_all >= sure
 
 
 def problem_of(solid, wanted):
@@ -255,6 +312,7 @@ def test_registered_poses_have_covariances_of_their_own():
     above = np.array([[1, 0, 0, -20], [0, -1, 0, 0], [0, 0, -1, 200], [0, 0, 0, 1.0]])
     other = above + np.array([[0, 0, 0, 0], [0, 0, 0, 200], [0, 0, 0, 0], [0, 0, 0, 0]])
     split = SplitModel(model(0.03), model(0.04))
+    assert split.end_uncertainties([above, other]) == pytest.approx([0.03, 0.04], rel=1e-6)
     assert split.standard_uncertainty([above, other]) == pytest.approx(0.05, rel=1e-6)
     assert split.probability([above, other]) == pytest.approx(math.erf(1 / math.sqrt(2)), abs=2e-4)
 
