@@ -1,9 +1,9 @@
 """One posterior over many images: scatter of values against their u, and what it costs.
 
-``scatter`` draws plates that deviate, renders two images of each from displaced poses, and measures them with the
-default. Then edges are stated as sharp, then also the camera's response, then also a detector without a floor. With
-``--drawn`` all faces deviate as the plan states. ``cost`` compares the time of ten images of 5 megapixels together with
-that of ten single ones.
+``scatter`` draws plates that deviate, renders two images of each from displaced poses, and measures them. Edges are
+stated as sharp, then also the camera's response, then also a detector without a floor. With ``--drawn`` all faces
+deviate as the plan states. ``cost`` compares the time of ten images of 5 megapixels together with that of
+ten single ones.
 
     python benchmarks/images/many_images.py scatter --parts 60
     python benchmarks/images/many_images.py scatter --parts 52 --drawn
@@ -75,7 +75,6 @@ def scatter(n_parts, seed, *, drawn):
     own = Registration.own_edges()
     without_floor = Localisation.gaussian(0.1, floor_px=0.0)
     ways = {
-        "edges sharp within 0.05 mm": MeasureOptions(own),
         "edges stated as sharp": MeasureOptions(own, edge_break_mm=SHARP),
         "and the response": MeasureOptions(own, edge_break_mm=SHARP, response="linear"),
         "and no floor": MeasureOptions(own, without_floor, edge_break_mm=SHARP, response="linear"),

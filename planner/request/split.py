@@ -97,8 +97,8 @@ def ends_apart(problem: Problem, names: Sequence[str]) -> Split:
     Whatever images measure a target, each of its entities is in one of them, and meets the conditions of the proof
     there.
     """
-    restricted = problem.restricted_to(names)
-    return split_problem(restricted, split_names(restricted), any_way=True)
+    problem = problem.restricted_to(names)
+    return split_problem(problem, split_names(problem), any_way=True)
 
 
 def split_problem(

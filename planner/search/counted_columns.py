@@ -255,21 +255,16 @@ def chosen_settings(
 def already_there(
     run: SearchRun, chosen: Sequence[SensorSetting], ready: Sequence[SensorSetting]
 ) -> tuple[list[SensorSetting], list[SensorSetting]]:
-    """Return settings that serve for chosen ones from where they are, and the other chosen ones.
+    """Return settings of another plan that serve for chosen ones from where they are, and the other chosen ones.
 
     Parameters
     ----------
     run : SearchRun
         Its request says what is asked.
     chosen : sequence of SensorSetting
-        Settings of a cover.
+        One for each column of the cover.
     ready : sequence of SensorSetting
-        Settings that are off their limits already. Each serves for one of the chosen ones at most.
-
-    Returns
-    -------
-    there, others : list of SensorSetting
-        The former with their P_all.
+        Settings of the other plan, off their limits already.
     """
     if not ready:
         return [], list(chosen)

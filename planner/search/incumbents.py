@@ -878,8 +878,8 @@ class Incumbents:
         """Return the best plan, or one without settings if there is none yet."""
         if self.best is not None:
             return self.best
-        none = self.proven(run, [])
-        return assembled(run, [], none.n, none.proof, unfinished=True)
+        needed = self.proven(run, [])
+        return assembled(run, [], needed.n, needed.proof, unfinished=True)
 
     def publish(self, plan: InspectionPlan) -> None:
         """Take in the plan of the whole run, and tell of it."""

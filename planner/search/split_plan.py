@@ -378,12 +378,12 @@ class _SplitSearch:
         model, poses = self._model(name, *(self._as_targets(settings[k]) for k in pair))
         of_ends = model.end_uncertainties(poses)
         worse = int(np.argmax(of_ends))
-        variance = value.standard_uncertainty**2 - of_ends[worse] ** 2
+        remainder = value.standard_uncertainty**2 - of_ends[worse] ** 2
         permitted = model.whole.permitted_error
         remaining = (
-            permitted**2 - float(ndtri((1 + self._run.problem.probability) / 2)) ** 2 * variance
+            permitted**2 - float(ndtri((1 + self._run.problem.probability) / 2)) ** 2 * remainder
         )
-        # where the rest takes all of it, the entity becomes as sure as it can
+        # where the remainder takes all of it, the entity becomes as sure as it can
         share = max(remaining, (_LEAST_SHARE * permitted) ** 2) ** 0.5 / permitted
         return self._with_surer(settings, pair[worse], name, worse, share, value)
 
