@@ -458,9 +458,8 @@ _LIGHT_VIEWPOINTS = 60
 # poses tried around each planned pose of the entity, which may keep the other targets of the
 # setting
 _LIGHT_AROUND = 400
-# poses of each entity whose light is computed, and the effort from which on it is so many
+# poses of each entity whose light is computed
 _LIGHT_TRIED = 48
-_LIGHT_WITNESSES = 6
 # of the poses where the entity is lit, keep this many as candidates: those that inspect most
 # entities with the highest probability
 _LIGHT_KEPT = 8
@@ -794,7 +793,7 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
     if lit.light.complete or lighting.together:
         return lit
     dark = lit.unlit
-    places = lamp_places(lighting, lit, _by_effort(run, _LIGHT_PLACES))
+    places = lamp_places(lighting, lit)
     others = _shown_from_elsewhere(run, lighting, lit, dark, places) if dark else []
     settings = _chosen_among(run, lit, others)
     if settings == list(lit.settings):
@@ -820,9 +819,7 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
     return better if set(better.unlit) <= set(dark) else lit
 
 
-def lamp_places(
-    lighting: Lighting, plan: InspectionPlan, n_others: int = _LIGHT_PLACES
-) -> NDArray[np.float64]:
+def lamp_places(lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
     """Return places of lamps (n, 3) to try: those of the plan, and others if they may be placed; none of a ring."""
     assert plan.light is not None
     places = lighting.given
@@ -830,7 +827,7 @@ def lamp_places(
         return np.empty((0, 3))
     if isinstance(places, np.ndarray):
         return places
-    return np.concatenate([plan.light.lamps, places.places(n_others)])
+    return np.concatenate([plan.light.lamps, places.places(_LIGHT_PLACES)])
 
 
 def _shown_from_elsewhere(
@@ -842,10 +839,9 @@ def _shown_from_elsewhere(
 ) -> list[SensorSetting]:
     """Return settings in which lamps at some places show entities that are dark so far, and what else they show."""
     elsewhere: list[SensorSetting] = []
-    most = _by_effort(run, _LIGHT_TRIED)
     for k, name in enumerate(dark):
         square_on = lighting.area is not None and lighting.area.square_on
-        poses = _poses_that_inspect(run, plan, name, most, square_on=square_on)
+        poses = _poses_that_inspect(run, plan, name, _LIGHT_TRIED, square_on=square_on)
         settings = [
             setting_at(run.problem, pose, [name], "pose in which a lamp shows it") for pose in poses
         ]
@@ -854,7 +850,7 @@ def _shown_from_elsewhere(
         seen_from = np.array([setting.cam2world for setting in seen]).reshape(-1, 4, 4)
         more = run.judge(seen_from).inspects.sum(axis=1)
         order = sorted(range(len(seen)), key=lambda i: (-more[i], -seen[i].fitness))
-        elsewhere += [seen[i] for i in order[: _by_effort(run, _LIGHT_KEPT)]]
+        elsewhere += [seen[i] for i in order[:_LIGHT_KEPT]]
         run.callbacks.report(k + 1, len(dark), "poses in the light")
     full = [setting for setting in map(_with_all(run), elsewhere) if setting.entities]
     lit = shown_by_lamps(run, lighting, plan, full, places)
@@ -878,11 +874,6 @@ def _with_all(run: SearchRun) -> Any:
         return run.promises.with_bounds(without(run.problem, full, list(wrong)) if wrong else full)
 
     return with_all
-
-
-def _by_effort(run: SearchRun, number: int) -> int:
-    """Return how many of a number are tried: each asks for light on all edges, so a quick search tries few."""
-    return max(1, round(number * min(1.0, run.effort.witnesses / _LIGHT_WITNESSES) ** 2))
 
 
 def _poses_that_inspect(

@@ -9,7 +9,6 @@ from plan_examples import plan, setting
 
 from planner import LightPlan
 from planner.callbacks import Callbacks
-from planner.effort import Effort
 from planner.search import stages
 from planner.search.incumbents import Incumbents
 
@@ -52,9 +51,3 @@ def test_settings_that_lose_a_target_where_they_are_not_moved_are_left(stage, mo
     monkeypatch.setattr(stages, "settle", lambda *_, **__: unmoved)
     stages._light(state, tools)
     assert state.plan is lit
-
-
-@pytest.mark.parametrize(("name", "number"), [("quick", 12), ("standard", 48), ("thorough", 48)])
-def test_a_quick_search_tries_a_quarter_of_the_poses(name, number):
-    run = SimpleNamespace(effort=Effort.named(name))
-    assert stages._by_effort(run, 48) == number
