@@ -749,18 +749,14 @@ def to_rpy(pose: np.ndarray) -> tuple[float, float, float]:
 
 
 COLLADA = ".dae"
-_UP = {
-    "X_UP": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
-    "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
-    "Z_UP": np.eye(3),
-}
 _DEEPEST = 100
 
 
 def collada_points(data: bytes, file: str) -> np.ndarray:
-    """Return the corners of a file of COLLADA, with z up, m.
+    """Return the corners of a file of COLLADA in the frame of its link, m.
 
-    The unit and the upper axis of the file are applied, as the tools of ROS do.
+    The unit of the file is applied, and its upper axis is not, as in RViz (``rviz/mesh_loader.cpp``): a URDF that
+    looks right there has its meshes turned by nothing but their nodes.
 
     Parameters
     ----------
@@ -787,16 +783,12 @@ def collada_points(data: bytes, file: str) -> np.ndarray:
         raise RobotError.of_rule("urdf", "must hold the element COLLADA in .dae files", file)
     unit = root.find("asset/unit")
     metre = 1.0 if unit is None else _numbers(unit.get("meter", "1"), 1, f"unit of {file}")[0]
-    axis = root.findtext("asset/up_axis", "Y_UP").strip()
-    if axis not in _UP:
-        raise RobotError.of_rule("urdf", f"must have {', '.join(_UP)} as up_axis in {file}", axis)
     ids = {element.get("id", ""): element for element in root.iter() if element.get("id")}
     scene = ids.get(_target(root.find("scene/instance_visual_scene")))
     points = [] if scene is None else list(_scene_points(scene, np.eye(4), ids, file, 0))
     if not points:
         raise RobotError.of_rule("urdf", "must have a scene with geometry in .dae files", file)
-    corners = np.unique(np.concatenate(points), axis=0)
-    return np.asarray(metre * np.einsum("ij,nj->ni", _UP[axis], corners))
+    return np.asarray(metre * np.unique(np.concatenate(points), axis=0))
 
 
 def _target(element: ElementTree.Element | None) -> str:
