@@ -664,9 +664,7 @@ def calibrated_text(
     moving = [joint for joint in chain if joint.get("type") != "fixed"]
     for name, values in (origins or {}).items():
         parameter = f"calibration: {name}"
-        measured = from_plain(MeasuredOrigin, values, RobotError, parameter)
-        xyz = np.array([measured.x, measured.y, measured.z])
-        pose = from_rpy(_MM * xyz, np.array([measured.roll, measured.pitch, measured.yaw]))
+        pose = _measured_pose(parameter, values)
         joint = _joint_called(name, moving)
         _check_near(parameter, pose, _origin(joint))
         _set_origin(joint, pose)
@@ -675,12 +673,27 @@ def calibrated_text(
         raise RobotError.of_rule("joint_offsets", rule, f"{len(joint_offsets)}")
     for joint, offset in zip(moving, joint_offsets, strict=False):
         if not abs(offset) <= _FAR_RAD:
-            rule = f"must be at most {_FAR_RAD:g} rad"
-            raise RobotError.of_rule("joint_offsets", rule, f"{offset:g}")
+            rule = f"must be at most {_FAR_RAD:g} rad, {math.degrees(_FAR_RAD):.3g} degrees"
+            got = f"{offset:g} rad, {math.degrees(offset):g} degrees"
+            raise RobotError.of_rule("joint_offsets", rule, got)
         turn = np.eye(4)
         turn[:3, :3] = about(_axis_of(joint), float(offset))
         _set_origin(joint, compose(_origin(joint), turn))
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _measured_pose(parameter: str, values: Any) -> np.ndarray:
+    """Return the pose (4, 4) that an entry of a calibration states, mm."""
+    if not isinstance(values, Mapping):
+        rule = "must hold x, y, z, roll, pitch and yaw"
+        raise RobotError.of_rule(parameter, rule, shown(values))
+    try:
+        measured = from_plain(MeasuredOrigin, values, RobotError)
+    except RobotError as error:
+        name = f"{parameter}: {error.parameter}"
+        raise RobotError.of_rule(name, error.rule, error.got) from None
+    xyz = np.array([measured.x, measured.y, measured.z])
+    return from_rpy(_MM * xyz, np.array([measured.roll, measured.pitch, measured.yaw]))
 
 
 def _joint_called(name: str, joints: Sequence[ElementTree.Element]) -> ElementTree.Element:
