@@ -27,7 +27,7 @@ from planner.robotcell.placement import PlacementSearch
 from planner.robotcell.urdf import compose, invert
 from planner.robotprogram.other_poses import with_reached_settings
 from planner.robotprogram.program import FixturedTour, RobotProgram, Stop
-from planner.robotprogram.program_steps import CameraSignals, check_program_speed
+from planner.robotprogram.program_steps import CameraSignals, check_program_speed, check_signals
 from planner.robotprogram.program_texts import FORMATS, format_of_file, write_program
 from planner.robotprogram.robot_program import (
     ArmUncertainty,
@@ -60,6 +60,7 @@ def program(options: Program) -> int:
         trigger_output=options.trigger_output,
         ready_input=options.ready_input,
     )
+    check_signals(signals, language)
     uncertainty = _uncertainty(options)
     plan = read_plan(options.plan)
     cell = Cell.from_toml(options.cell)

@@ -15,8 +15,6 @@ from datetime import date
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.argument_kinds import shown
-from planner.exceptions import RequestError
 from planner.robotprogram.program import FixturedTour, RobotProgram
 from planner.robotprogram.program_steps import (
     SILENT,
@@ -41,9 +39,6 @@ _MESSAGE = 24
 _DECIMALS = 3
 # a position register and a register that the check of home overwrites
 _REGISTER = 90
-# hundredths of a second that a wait may last, and seconds that a pulse may
-_MOST_WAIT = 32767
-_MOST_PULSE_S = 25.5
 # whole milliseconds of a move, then tenths of seconds
 _MOST_MSEC = 32000
 _SLOW_PERCENT = 1
@@ -100,10 +95,9 @@ def fanuc_text(program: RobotProgram, signals: CameraSignals, made: date) -> str
     Raises
     ------
     RequestError
-        If the arm has seven joints, or a time is longer than the controller can wait.
+        If the arm has seven joints.
     """
     check_six_axes(program, "fanuc")
-    _check_times(signals)
     statements = _Statements()
     for line in (*head_lines(program, made, wpr_words), *_axes_lines(program)):
         statements.remark(line)
@@ -119,16 +113,6 @@ def wpr_words(pose: np.ndarray) -> str:
     x, y, z = pose[:3, 3]
     w, p, r = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz", degrees=True)
     return f"X {x:.2f}, Y {y:.2f}, Z {z:.2f} mm, W {w:.3f}, P {p:.3f}, R {r:.3f} degrees"
-
-
-def _check_times(signals: CameraSignals) -> None:
-    for name, value, limit in (
-        ("timeout_s", signals.timeout_s, _MOST_WAIT / 100),
-        ("pulse_s", signals.pulse_s, _MOST_PULSE_S),
-    ):
-        if value > limit:
-            rule = f"must be at most {limit:g} s for fanuc"
-            raise RequestError.of_rule(name, rule, shown(value))
 
 
 def _axes_lines(program: RobotProgram) -> Iterator[str]:

@@ -43,6 +43,9 @@ LEAST_RATE = 1e-4
 # controllers count milliseconds; a pulse of RAPID lasts 2000 s at most
 LEAST_S = 0.001
 _MOST_S = {"settle_s": 3600.0, "pulse_s": 2000.0, "timeout_s": 3600.0}
+# of these languages. FANUC counts hundredths of seconds of waits in 16 bits, tenths of pulses in 8
+_MOST_S_OF = {"fanuc": {"settle_s": 327.67, "pulse_s": 25.5, "timeout_s": 327.67}}
+_SIGNALS_OF = {"urscript": (0, 7), "krl": (1, 4096), "fanuc": (1, 4096)}
 
 # how often controllers look at the camera's answer, s
 POLL_S = 0.012
@@ -149,6 +152,35 @@ def check_program_speed(speed: float, language: str) -> None:
     if speed < slowest:
         rule = f"must be at least {slowest:g} for {language}"
         raise RequestError.of_rule("speed", rule, f"{speed:g}")
+
+
+def check_signals(signals: CameraSignals, language: str) -> None:
+    """Refuse signals that a language does not have, and times that its controllers cannot wait.
+
+    Parameters
+    ----------
+    signals : CameraSignals
+        Trigger and answer of the camera.
+    language : str
+        Name of the format.
+
+    Raises
+    ------
+    RequestError
+        If a number or a time is beyond what the language has.
+    """
+    for name, longest in _MOST_S_OF.get(language, {}).items():
+        seconds = getattr(signals, name)
+        if seconds > longest:
+            rule = f"must be at most {longest:g} s for {language}"
+            raise RequestError.of_rule(name, rule, shown(seconds))
+    if language in _SIGNALS_OF:
+        least, most = _SIGNALS_OF[language]
+        for name in ("trigger_output", "ready_input"):
+            number = getattr(signals, name)
+            if not least <= number <= most:
+                rule = f"must be from {least} to {most} for {language}"
+                raise RequestError.of_rule(name, rule, f"{number}")
 
 
 def time_text(seconds: float) -> str:

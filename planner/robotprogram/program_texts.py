@@ -45,6 +45,7 @@ from planner.robotprogram.program_steps import (
     Drive,
     ImageStep,
     check_program_speed,
+    check_signals,
     check_six_axes,
     degrees,
     euler_words,
@@ -799,7 +800,7 @@ def program_text(
     ------
     RequestError
         If the format is unknown, an argument has the wrong type, or the language cannot say the
-        program's speed.
+        program's speed, a signal or a wait.
 
     Examples
     --------
@@ -817,6 +818,7 @@ def program_text(
         raise RequestError.of_rule("format", rule, shown(format))
     check_program_speed(program.speed, format)
     chosen = CameraSignals() if signals is None else signals
+    check_signals(chosen, format)
     return _WRITERS[format](program, chosen, date.today() if made is None else made)
 
 
