@@ -251,6 +251,13 @@ def _check_place(options: Reach) -> None:
         raise RequestError.of_rule("within", "must not be given with --table", "both")
     if options.post_heights is not None and options.table is None:
         raise RequestError.of_rule("post_heights", "must be given with --table", "none")
+    _posts(options)
+
+
+def _posts(options: Reach) -> Posts:
+    """Return the posts that may stand below the part, or raise if a number breaks its rule."""
+    heights = POST_HEIGHTS_MM if options.post_heights is None else tuple(options.post_heights)
+    return Posts(heights, options.post_width)
 
 
 def _check_plan_out(options: Reach) -> None:
@@ -393,8 +400,7 @@ class _Way(NamedTuple):
 
 def _laid(options: Reach, plan: InspectionPlan, solid: Solid, cell: Cell) -> int:
     """Print ways to lay the part on a table."""
-    heights = POST_HEIGHTS_MM if options.post_heights is None else tuple(options.post_heights)
-    posts = Posts(heights, options.post_width)
+    posts = _posts(options)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         search = LayingSearch(plan, solid, cell, str(options.table), posts)
         draws = _WAYS_ON_TURNTABLE if search.turns else _WAYS
