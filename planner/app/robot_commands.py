@@ -27,7 +27,12 @@ from planner.robotcell.placement import PlacementSearch
 from planner.robotcell.urdf import compose, invert
 from planner.robotprogram.other_poses import with_reached_settings
 from planner.robotprogram.program import FixturedTour, RobotProgram, Stop
-from planner.robotprogram.program_steps import CameraSignals, check_program_speed, check_signals
+from planner.robotprogram.program_steps import (
+    CameraSignals,
+    check_axes,
+    check_program_speed,
+    check_signals,
+)
 from planner.robotprogram.program_texts import FORMATS, format_of_file, write_program
 from planner.robotprogram.robot_program import (
     ArmUncertainty,
@@ -64,6 +69,9 @@ def program(options: Program) -> int:
     uncertainty = _uncertainty(options)
     plan = read_plan(options.plan)
     cell = Cell.from_toml(options.cell)
+    # a program may leave out the fixturings on a turntable
+    turns = all(fixturing.table is not None for fixturing in cell.fixturings.values())
+    check_axes(language, cell.robot.n_joints, turns=turns)
     solid = read_part(options.part, options)
     check_same_part(solid, plan, options.part)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:

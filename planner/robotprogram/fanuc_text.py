@@ -21,7 +21,6 @@ from planner.robotprogram.program_steps import (
     STILL_READY,
     CameraSignals,
     Drive,
-    check_six_axes,
     head_lines,
     home_words,
     plain,
@@ -91,13 +90,7 @@ def fanuc_text(program: RobotProgram, signals: CameraSignals, made: date) -> str
         Trigger and answer of the camera. Waits are rounded up to 0.01 s, and the trigger to 0.1 s.
     made : date
         The day, for the head.
-
-    Raises
-    ------
-    RequestError
-        If the arm has seven joints.
     """
-    check_six_axes(program, "fanuc")
     statements = _Statements()
     for line in (*head_lines(program, made, wpr_words), *_axes_lines(program)):
         statements.remark(line)

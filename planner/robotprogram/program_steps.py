@@ -183,6 +183,32 @@ def check_signals(signals: CameraSignals, language: str) -> None:
                 raise RequestError.of_rule(name, rule, f"{number}")
 
 
+def check_axes(language: str, n_joints: int, *, turns: bool) -> None:
+    """Refuse axes that a language does not drive.
+
+    Parameters
+    ----------
+    language : str
+        Name of the format.
+    n_joints : int
+        Number of the arm's joints.
+    turns : bool
+        Whether the part lies on a turntable.
+
+    Raises
+    ------
+    RequestError
+        If the arm has seven joints, or a turntable is to turn with it, and the language has no axis for it.
+    """
+    if n_joints > SIX_AXES and language in ("urscript", "krl", "fanuc"):
+        rule = f"must be rapid, ros, csv or json for an arm of {n_joints} joints"
+        raise RequestError.of_rule("format", rule, repr(language))
+    if turns and language == "urscript":
+        rule = "must be rapid, krl, fanuc, ros, csv or json for a part on a turntable"
+        hint = "URScript drives no external axis together with the joints"
+        raise RequestError.of_rule("format", rule, repr(language), hint=hint)
+
+
 def time_text(seconds: float) -> str:
     """Return seconds to a millisecond, without an exponent."""
     return f"{seconds:.3f}".rstrip("0").rstrip(".")
@@ -398,10 +424,3 @@ def _number(value: float, decimals: int) -> str:
     text = f"{value:.{decimals}f}"
     # no controller needs to read -0
     return text.removeprefix("-") if float(text) == 0.0 else text
-
-
-def check_six_axes(program: RobotProgram, language: str) -> None:
-    """Raise if an arm has more joints than a language drives."""
-    if len(program.joint_names) > SIX_AXES:
-        rule = f"must be rapid, ros, csv or json for an arm of {len(program.joint_names)} joints"
-        raise RequestError.of_rule("format", rule, repr(language))

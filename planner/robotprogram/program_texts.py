@@ -44,9 +44,9 @@ from planner.robotprogram.program_steps import (
     CameraSignals,
     Drive,
     ImageStep,
+    check_axes,
     check_program_speed,
     check_signals,
-    check_six_axes,
     degrees,
     euler_words,
     head_lines,
@@ -119,13 +119,7 @@ def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
         Trigger and answer of the camera.
     made : date
         The day, for the head.
-
-    Raises
-    ------
-    RequestError
-        If the arm has seven joints, which KRL does not drive.
     """
-    check_six_axes(program, "krl")
     percent = max(1, math.floor(100 * program.speed + 1e-9))
     lines = [
         f"DEF {_KRL_NAME}( )",
@@ -614,18 +608,7 @@ def urscript_text(program: RobotProgram, signals: CameraSignals, made: date) -> 
         Trigger and answer of the camera.
     made : date
         The day, for the head.
-
-    Raises
-    ------
-    RequestError
-        If the part lies on a turntable, which URScript does not drive together with the joints, or
-        the arm has seven joints.
     """
-    check_six_axes(program, "urscript")
-    if program.turns:
-        rule = "must be rapid, krl, fanuc, ros, csv or json for a part on a turntable"
-        hint = "URScript drives no external axis together with the joints"
-        raise RequestError.of_rule("format", rule, "'urscript'", hint=hint)
     lines = [
         *(f"# {line}" for line in head_lines(program, made, rotation_vector_words)),
         "# Send it as a whole to port 30002, or load it as a script file and call inspection().",
@@ -800,7 +783,7 @@ def program_text(
     ------
     RequestError
         If the format is unknown, an argument has the wrong type, or the language cannot say the
-        program's speed, a signal or a wait.
+        program's speed, a signal or a wait, or does not drive an axis.
 
     Examples
     --------
@@ -817,6 +800,7 @@ def program_text(
         rule = f"must be one of {', '.join(_WRITERS)}"
         raise RequestError.of_rule("format", rule, shown(format))
     check_program_speed(program.speed, format)
+    check_axes(format, len(program.joint_names), turns=program.turns)
     chosen = CameraSignals() if signals is None else signals
     check_signals(chosen, format)
     return _WRITERS[format](program, chosen, date.today() if made is None else made)
