@@ -18,7 +18,9 @@ from scipy.spatial.transform import Rotation
 from planner.robotprogram.program import FixturedTour, RobotProgram
 from planner.robotprogram.program_steps import (
     SILENT,
+    SLOW_PERCENT,
     STILL_READY,
+    ZEROS,
     CameraSignals,
     Drive,
     head_lines,
@@ -40,7 +42,6 @@ _DECIMALS = 3
 _REGISTER = 90
 # whole milliseconds of a move, then tenths of seconds
 _MOST_MSEC = 32000
-_SLOW_PERCENT = 1
 
 
 class _Statements:
@@ -109,7 +110,7 @@ def wpr_words(pose: np.ndarray) -> str:
 
 
 def _axes_lines(program: RobotProgram) -> Iterator[str]:
-    yield "Compare signs and zeros of the axes with the robot before you drive."
+    yield ZEROS
     if not any(axis == 3 for axis, _, _ in program.controller.coupled):
         yield (
             "J3 is joint 3 of the URDF. Controllers of FANUC count J3 from the horizon: if yours does, state "
@@ -177,7 +178,7 @@ def _add_round(
     words = f"Put the part in fixturing {name}, then start again. {home_words(program, wpr_words)}"
     statements.ask("Put in the part", words.rstrip())
     _check_home(statements, home, math.degrees(program.start.tolerance_rad))
-    statements.move(home, f"{_SLOW_PERCENT}%")
+    statements.move(home, f"{SLOW_PERCENT}%")
     for step in steps_of(tour, program):
         if isinstance(step, Drive):
             statements.move(step.axes, _duration(step.seconds))

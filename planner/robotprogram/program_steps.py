@@ -61,6 +61,9 @@ SIX_AXES = 6
 PoseNotation = Callable[[np.ndarray], str]
 """Writes a pose (4, 4) in the words of a controller."""
 
+ZEROS = "Compare signs and zeros of the axes with the robot before you drive."
+SLOW_PERCENT = 1
+"""Of the axes' speeds on the way to home, which is not proven, where a language has a share of them."""
 CAUTION = "Run at reduced speed first. Checked against the model of the cell only."
 
 
@@ -365,13 +368,12 @@ def _turntable_lines(program: RobotProgram) -> Iterator[str]:
 def pendant_lines(program: RobotProgram, notation: PoseNotation) -> Iterator[str]:
     """Yield what the pendant shows at home and at the first setting if the robot is as its model."""
     frame = "base of the URDF" if program.pendant is None else "link 'base' of the URDF"
-    shown_in = np.eye(4) if program.pendant is None else invert(program.pendant)
     yield f"Set no tool and no work object. Poses of the flange in the {frame}, to compare with the pendant:"
     if program.home_flange is not None:
-        yield f"  home: {notation(compose(shown_in, program.home_flange))}"
+        yield f"  home: {notation(_on_pendant(program, program.home_flange))}"
     for tour in program.tours[:1]:
         stop = tour.stops[0]
-        yield f"  setting {stop.setting_idx + 1}: {notation(compose(shown_in, stop.flange))}"
+        yield f"  setting {stop.setting_idx + 1}: {notation(_on_pendant(program, stop.flange))}"
     yield "If they differ, then mastering, the base or the tool differ from the model: do not drive."
 
 
@@ -379,8 +381,14 @@ def home_words(program: RobotProgram, notation: PoseNotation) -> str:
     """Return what the pendant shows at home, for the message at the start of a round; empty if that is not known."""
     if program.home_flange is None:
         return ""
-    shown_in = np.eye(4) if program.pendant is None else invert(program.pendant)
-    return f"{AT_HOME} {notation(compose(shown_in, program.home_flange))}."
+    return f"{AT_HOME} {notation(_on_pendant(program, program.home_flange))}."
+
+
+def _on_pendant(program: RobotProgram, flange: np.ndarray) -> np.ndarray:
+    """Return a pose (4, 4) of the flange in the base as the pendant shows it."""
+    if program.pendant is None:
+        return flange
+    return compose(invert(program.pendant), flange)
 
 
 def quaternion_words(pose: np.ndarray) -> str:
