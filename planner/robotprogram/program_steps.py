@@ -178,11 +178,11 @@ def check_signals(signals: CameraSignals, language: str) -> None:
             rule = f"must be at most {longest:g} s for {language}"
             raise RequestError.of_rule(name, rule, shown(seconds))
     if language in _SIGNALS_OF:
-        least, most = _SIGNALS_OF[language]
+        first, last = _SIGNALS_OF[language]
         for name in ("trigger_output", "ready_input"):
             number = getattr(signals, name)
-            if not least <= number <= most:
-                rule = f"must be from {least} to {most} for {language}"
+            if not first <= number <= last:
+                rule = f"must be from {first} to {last} for {language}"
                 raise RequestError.of_rule(name, rule, f"{number}")
 
 
