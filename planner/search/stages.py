@@ -786,7 +786,7 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
             lighting,
             draft,
             run.problem.space.solid,
-            run.callbacks.silent.report,
+            run.callbacks.report,
             reads=run.problem.reads,
         ),
     )
@@ -812,7 +812,7 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
             lighting,
             plan,
             run.problem.space.solid,
-            run.callbacks.silent.report,
+            run.callbacks.report,
             places,
             run.problem.reads,
         ),
