@@ -788,6 +788,7 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
             run.problem.space.solid,
             run.callbacks.report,
             reads=run.problem.reads,
+            executor=run.executor,
         ),
     )
     assert lit.light is not None
@@ -815,6 +816,7 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
             run.callbacks.report,
             places,
             run.problem.reads,
+            run.executor,
         ),
     )
     return better if set(better.unlit) <= set(dark) else lit
