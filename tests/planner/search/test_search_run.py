@@ -362,6 +362,14 @@ def test_a_plan_ends_at_its_limit_and_without_one_the_search_soon_after(monkeypa
     clock[0] += 0.2
     with pytest.raises(TimeIsUpError):
         short.check()
+    # a longer one ends with whatever plan there is
+    kept = Deadline(time_limit_s=20.0, begun=clock[0]).of_search()
+    clock[0] += 15.9
+    kept.arm_soon()
+    kept.check()
+    clock[0] += 0.2
+    with pytest.raises(TimeIsUpError):
+        kept.check()
     assert Deadline().of_regions() == math.inf
     assert not Deadline().of_search().limited
 
