@@ -69,6 +69,9 @@ def test_settings_that_show_a_position_together_are_named():
     made = plate.measured_plan(plate.thick_plate(), ("left", "right", "width"), 2)
     left, right = (made.targets[name].entities[0] for name in ("left", "right"))
     bolt = plate.dimension("position", (left, "front", right), (RIM, FRONT, OTHER), (0.0, 0.25))
+    # tables show the zone, and not the nominal deviation, which is always 0
+    assert bolt.nominal_text == f"⌀0.25 mm | front | {right}"
+    assert made.targets["width"].nominal_text == "50 mm"
     shown = (("left",), ("right", "width"))
     plan = changed(
         made,
