@@ -550,6 +550,18 @@ class ToleranceClass:
         )
 
 
+def class_tables() -> dict[str, Any]:
+    """Return the figures of ISO 286 for a page that computes limits of its own, with sizes in mm and the rest in µm."""
+    return {
+        "grades": GRADES,
+        "limits": _TOLERANCE_CLASSES_LIMITS_MM,
+        "widths": TOLERANCES_UM,
+        "steps": DEVIATION_LIMITS_MM,
+        "distances": DEVIATIONS_UM,
+        "j": J_UM,
+    }
+
+
 def tolerance_class_deviations(tolerance_class: str, nominal_mm: float) -> tuple[float, float]:
     """Return the limit deviations of a tolerance class of ISO 286.
 
