@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any
@@ -47,7 +49,7 @@ from planner.light.corner_light import (
     sure_contrast,
 )
 from planner.light.reflection import Glare, Material, Places
-from planner.progress import Progress, labelled
+from planner.progress import Progress, TimeIsUpError, labelled
 from planner.request.reach import PlainReach, Reach, check_reach, reach_margin
 from planner.request.reads import Reads, TargetReads
 from planner.request.targets import targets_of
@@ -1002,6 +1004,8 @@ class Lighting:
         solid: Solid,
         progress: Progress | None = None,
         reads: Reads | None = None,
+        executor: Executor | None = None,
+        deadline: float = math.inf,
     ) -> Served:
         """Return a record of lamp positions that light the targets; it is empty at first.
 
@@ -1015,6 +1019,10 @@ class Lighting:
             ``progress(done, total, label)``.
         reads : Reads, optional
             What measuring will find in the images; it does not count for lamps that are on together.
+        executor : concurrent.futures.Executor, optional
+            Computes light regions in parallel. The result does not depend on it.
+        deadline : float
+            Time, as `time.time` gives it, at which the regions must be complete.
 
         Returns
         -------
@@ -1027,6 +1035,8 @@ class Lighting:
             If the part is not the plan's.
         LightError
             If a fixed lamp is inside the part.
+        TimeIsUpError
+            If the light regions are not complete by the deadline.
         """
         self.check_part(solid)
         places = self.given
@@ -1039,7 +1049,8 @@ class Lighting:
         # a displaced camera takes its ring along
         moved = plan.requirements.get("visibility_radius_mm", 0.0) if places is None else 0.0
         off = max(self.tolerance_mm, moved)
-        light = _regions(solid, demands, self.contrast, _workspace(solid, room, off), progress)
+        box_mm = _workspace(solid, room, off)
+        light = _regions(solid, demands, self.contrast, box_mm, progress, executor, deadline)
         clearance = 0.0 if places is None or isinstance(places, np.ndarray) else places.clearance_mm
         names = [(pair.setting, pair.name) for pair in demands.pairs]
         corners = corners_of(plan, solid, scene, names, demands.edge_ids)
@@ -1110,10 +1121,21 @@ def _regions(
     contrast: float,
     workspace: NDArray[np.float64],
     progress: Progress | None,
+    executor: Executor | None,
+    deadline: float,
 ) -> LightRegions | None:
     if not demands.entities:
         return None
-    shown = labelled(progress, "light regions")
-    return compute_light(
-        solid, demands.entities, contrast, workspace, None, shown, demands.silhouettes
+    regions = compute_light(
+        solid,
+        demands.entities,
+        contrast,
+        workspace,
+        executor,
+        labelled(progress, "light regions"),
+        demands.silhouettes,
+        deadline,
     )
+    if len(regions.entities) < len(demands.entities):
+        raise TimeIsUpError
+    return regions

@@ -787,6 +787,7 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
             run.problem.space.solid,
             run.callbacks.silent.report,
             reads=run.problem.reads,
+            executor=run.executor,
         ),
     )
     assert lit.light is not None
@@ -814,6 +815,7 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
             run.callbacks.silent.report,
             places,
             run.problem.reads,
+            run.executor,
         ),
     )
     return better if set(better.unlit) <= set(dark) else lit
