@@ -201,7 +201,9 @@ def _foreseen(view: _View, name: str, planned: Measurement, state: EdgeState) ->
         limit = unseen_mm(plan.camera, view.measurer.model.solid, [view.pose])
         # steps move in proportion to narrow breaks
         wider = COVERAGE * math.sqrt(without + variance * max(limit / state.high_mm, 1.0) ** 2)
-    return Foreseen(name, view.number, total, wider, limit, _is_open(target, wider))
+    # not a value that is open anyhow, as of a position, whose nominal value is at its lower limit
+    is_open = _is_open(target, wider) and not _is_open(target, total)
+    return Foreseen(name, view.number, total, wider, limit, is_open)
 
 
 def _is_open(target: Target, expanded: float) -> bool:
