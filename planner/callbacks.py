@@ -19,6 +19,12 @@ REGIONS_SHARE = 0.5
 SEARCH_SHARE = 0.8
 """Share of a time limit after which the search ends, so that simulation, report and graph have the rest."""
 
+LIT_SEARCH_SHARE = 0.65
+"""The same where lamps are to be found, too: they are sought for the plan that the search ends with."""
+
+LAMPS_SHARE = 0.9
+"""Share of a time limit after which no more lamps are sought."""
+
 SETTLING_SHARE = 0.05
 """Share of a time limit in which the settings of a plan that it ended are still moved off their limits."""
 
@@ -97,20 +103,20 @@ class Deadline:
         late = now + _LATE_REGIONS_SHARE * (self._of_search(now) - now)
         return max(self.at(REGIONS_SHARE), late)
 
-    def of_search(self, gap: float = 0.0) -> Deadline:
+    def of_search(self, gap: float = 0.0, share: float = SEARCH_SHARE) -> Deadline:
         """Return the deadline of the search that begins now: its share of the limit, or its least time."""
         if not self.limited:
             return Deadline(None, gap)
-        end = self._of_search(time.time())
+        end = self._of_search(time.time(), share)
         deadline = Deadline(max(end - self._wall_begin, 1e-3), gap, self._begin)
         deadline._latest = self._latest
         return deadline
 
-    def _of_search(self, now: float) -> float:
+    def _of_search(self, now: float, share: float = SEARCH_SHARE) -> float:
         if self._latest == math.inf:
-            return self.at(SEARCH_SHARE)
+            return self.at(share)
         latest = self._wall_begin + self._latest + _SEARCH_BEYOND_S
-        return max(self.at(SEARCH_SHARE), min(now + LEAST_SEARCH_S, latest))
+        return max(self.at(share), min(now + LEAST_SEARCH_S, latest))
 
     def at(self, share: float = 1.0) -> float:
         """Return when a share of the time limit has passed, as `time.time` counts; infinity without a limit."""
@@ -163,8 +169,9 @@ class Deadline:
         return max((self._limit - passed) / 2.0, shortest)
 
     def arm_soon(self) -> None:
-        """There is a first plan; from `LEAST_SEARCH_S` on it is something to end with."""
-        self._armed_at = min(self._armed_at, time.monotonic() + LEAST_SEARCH_S)
+        """There is a first plan to end with, for limits under `KEPT_LIMIT_S` only after `LEAST_SEARCH_S`."""
+        wait_s = LEAST_SEARCH_S if self._latest == math.inf else 0.0
+        self._armed_at = min(self._armed_at, time.monotonic() + wait_s)
 
     def check(self) -> None:
         """Raise `TimeIsUpError` if the time is up and there is something to end with, or it is up for a first plan."""

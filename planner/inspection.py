@@ -151,7 +151,8 @@ def plan_request(
     options : RunOptions
         How the plan is computed.
     deadline : Deadline, optional
-        When the search ends. Default: by the time limit of the options, from now.
+        When the search ends. Default: by the time limit of the options, from now. With a deadline, a plan that it ends
+        has no lamps: the caller knows what time is left for them, see `with_light`.
 
     Returns
     -------
@@ -164,6 +165,7 @@ def plan_request(
         As `plan_inspection`.
     """
     request = resolved.request
+    lamps_later = deadline is not None
     deadline = deadline or Deadline(options.time_limit_s, request.gap)
     if options.state is not None:
         request.check_lasting()
@@ -188,7 +190,9 @@ def plan_request(
         except TimeIsUpError:
             ended = settle_early(run, incumbents.latest(run), incumbents.proven)
             incumbents.publish(ended)
-            return with_light(ended, solid, request.lighting)
+            if lamps_later:
+                return ended
+            return with_light(ended, solid, request.lighting, options.progress, options.executor)
         finally:
             memo.save()
     assert memo.plan is not None
@@ -299,10 +303,21 @@ def with_light(
     solid: Solid,
     lighting: Lighting | None,
     progress: Progress | None = None,
+    executor: Executor | None = None,
+    deadline: float = math.inf,
 ) -> InspectionPlan:
-    """Return a plan with the lamps asked for, if it has none yet: one that was ended early has not."""
+    """Return a plan with the lamps asked for, if it has none yet: one that was ended early has not.
+
+    It stays without, if the light of its targets is not known by the deadline, as `time.time` counts.
+    """
     if lighting is None or plan.light is not None:
         return plan
     targets = (plan.targets[name] for name in plan.inspected)
     reads = reads_of(solid, plan.request.registration, targets)
-    return replace(plan, light=chosen_lamps(lighting, plan, solid, progress, reads=reads))
+    try:
+        light = chosen_lamps(
+            lighting, plan, solid, progress, reads=reads, executor=executor, deadline=deadline
+        )
+    except TimeIsUpError:
+        return plan
+    return replace(plan, light=light)

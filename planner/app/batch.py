@@ -41,7 +41,14 @@ from planner.argument_kinds import (
     check_kinds,
     check_number,
 )
-from planner.callbacks import LEAST_SIMULATION_S, SEARCH_SHARE, SIMULATION_SHARE, Deadline
+from planner.callbacks import (
+    LAMPS_SHARE,
+    LEAST_SIMULATION_S,
+    LIT_SEARCH_SHARE,
+    SEARCH_SHARE,
+    SIMULATION_SHARE,
+    Deadline,
+)
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.effort import Effort
@@ -422,6 +429,10 @@ def reason_of(error: BaseException) -> str:
     )
 
 
+NOT_LIT = "The time limit ended before lamps were found. A longer one goes on from here."
+"""What a plan says whose lamps there was no time for."""
+
+
 @dataclass(frozen=True)
 class FolderWork:
     """What is planned, simulated and written into a folder, and what is kept there on the way.
@@ -471,7 +482,9 @@ class FolderWork:
 
     def search(self, options: InspectionOptions) -> InspectionPlan:
         """Return the plan of the search."""
-        deadline = self.deadline.of_search(self.resolved.request.gap)
+        request = self.resolved.request
+        share = SEARCH_SHARE if request.lighting is None else LIT_SEARCH_SHARE
+        deadline = self.deadline.of_search(request.gap, share)
         return plan_request(self.solid, self.resolved, options, deadline)
 
     def unwritten(self, plan: InspectionPlan, error: OutputError) -> OutputError:
@@ -500,12 +513,21 @@ class FolderWork:
                     time_limit_s=self.deadline.seconds_left(SEARCH_SHARE),
                 )
             )
+        lit = with_light(
+            plan,
+            self.solid,
+            request.lighting,
+            progress,
+            self.options.executor,
+            self.deadline.at(LAMPS_SHARE),
+        )
         until = self.deadline.time_left(SIMULATION_SHARE, LEAST_SIMULATION_S)
         simulation, notes = simulate_in_time(
             plan, self.simulate, request.seed, progress, self.solid, until
         )
-        plan = replace(plan, simulation=simulation)
-        plan = with_light(plan, self.solid, request.lighting, progress)
+        if request.lighting is not None and lit.light is None:
+            notes.append(NOT_LIT)
+        plan = replace(lit, simulation=simulation)
         plan = with_source(plan, self.folder, self.part, self.reading)
         # what can be read only once has no digest
         digest = file_digest(Path(self.part)) if Path(self.part).is_file() else ""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any
@@ -47,7 +49,7 @@ from planner.light.corner_light import (
     sure_contrast,
 )
 from planner.light.reflection import Glare, Material, Places
-from planner.progress import Progress, labelled
+from planner.progress import Progress, TimeIsUpError, labelled, report
 from planner.request.reach import PlainReach, Reach, check_reach, reach_margin
 from planner.request.reads import Reads, TargetReads
 from planner.request.targets import targets_of
@@ -410,6 +412,8 @@ class Readers:
         Of each pair; None of one that is a length in the image, of which `Corners` tells.
     background : float
         Light behind the part, 0 or 1.
+    progress : callable, optional
+        ``progress(done, total, label)``, of the pairs that are read and the settings that are registered.
     """
 
     reads: Reads
@@ -417,9 +421,17 @@ class Readers:
     setting: NDArray[np.int_]
     targets: Sequence[TargetReads | None]
     background: float
+    progress: Progress | None = None
 
     @classmethod
-    def of(cls, reads: Reads, plan: Planned, pairs: Sequence[Pair], ground: str) -> Readers:
+    def of(
+        cls,
+        reads: Reads,
+        plan: Planned,
+        pairs: Sequence[Pair],
+        ground: str,
+        progress: Progress | None = None,
+    ) -> Readers:
         """Return those of a plan's pairs."""
         background = float(ground == "bright")
         settings = [
@@ -433,21 +445,25 @@ class Readers:
             is_length = target.in_image or target.measurand.in_image
             targets.append(None if is_length else reads.of_target(*pose, target, background))
         numbers = np.array([pair.setting for pair in pairs], dtype=int)
-        return cls(reads, settings, numbers, targets, background)
+        return cls(reads, settings, numbers, targets, background, progress)
 
     def read(self, places: Array, shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return which of the pairs (n, pairs) that lamps at places (n, 3) show will be read."""
         is_read = shown.copy()
+        total = len(self.targets) + len(self.settings)
+        report(self.progress, 0, total, "light that is read")
         for k, target in enumerate(self.targets):
             rows = np.flatnonzero(shown[:, k])
             if target is not None and len(rows):
                 is_read[rows, k] = target.shown(places[rows])
+            report(self.progress, k + 1, total, "light that is read")
         for number, pose in enumerate(self.settings):
             pairs = np.flatnonzero(self.setting == number)
             rows = np.flatnonzero(is_read[:, pairs].any(axis=1))
             whites = self._whites(pairs, places[rows])
             registered = self.reads.registered(*pose, places[rows], self.background, whites)
             is_read[np.ix_(rows, pairs)] &= registered
+            report(self.progress, len(self.targets) + number + 1, total, "light that is read")
         return is_read
 
     def _whites(self, pairs: NDArray[np.int_], places: Array) -> Array:
@@ -1002,6 +1018,8 @@ class Lighting:
         solid: Solid,
         progress: Progress | None = None,
         reads: Reads | None = None,
+        executor: Executor | None = None,
+        deadline: float = math.inf,
     ) -> Served:
         """Return a record of lamp positions that light the targets; it is empty at first.
 
@@ -1015,6 +1033,10 @@ class Lighting:
             ``progress(done, total, label)``.
         reads : Reads, optional
             What measuring will find in the images; it does not count for lamps that are on together.
+        executor : concurrent.futures.Executor, optional
+            Computes light regions in parallel. The result does not depend on it.
+        deadline : float
+            Time, as `time.time` gives it, at which the regions must be complete.
 
         Returns
         -------
@@ -1027,6 +1049,8 @@ class Lighting:
             If the part is not the plan's.
         LightError
             If a fixed lamp is inside the part.
+        TimeIsUpError
+            If the light regions are not complete by the deadline.
         """
         self.check_part(solid)
         places = self.given
@@ -1039,13 +1063,14 @@ class Lighting:
         # a displaced camera takes its ring along
         moved = plan.requirements.get("visibility_radius_mm", 0.0) if places is None else 0.0
         off = max(self.tolerance_mm, moved)
-        light = _regions(solid, demands, self.contrast, _workspace(solid, room, off), progress)
+        box_mm = _workspace(solid, room, off)
+        light = _regions(solid, demands, self.contrast, box_mm, progress, executor, deadline)
         clearance = 0.0 if places is None or isinstance(places, np.ndarray) else places.clearance_mm
         names = [(pair.setting, pair.name) for pair in demands.pairs]
         corners = corners_of(plan, solid, scene, names, demands.edge_ids)
         readers = None
         if reads is not None and not self.together:
-            readers = Readers.of(reads, plan, demands.pairs, self.ground)
+            readers = Readers.of(reads, plan, demands.pairs, self.ground, progress)
         return Served(
             light,
             scene,
@@ -1110,10 +1135,21 @@ def _regions(
     contrast: float,
     workspace: NDArray[np.float64],
     progress: Progress | None,
+    executor: Executor | None,
+    deadline: float,
 ) -> LightRegions | None:
     if not demands.entities:
         return None
-    shown = labelled(progress, "light regions")
-    return compute_light(
-        solid, demands.entities, contrast, workspace, None, shown, demands.silhouettes
+    regions = compute_light(
+        solid,
+        demands.entities,
+        contrast,
+        workspace,
+        executor,
+        labelled(progress, "light regions"),
+        demands.silhouettes,
+        deadline,
     )
+    if len(regions.entities) < len(demands.entities):
+        raise TimeIsUpError
+    return regions

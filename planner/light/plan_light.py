@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
@@ -21,7 +23,7 @@ from planner.light.area_light import AreaLight, shown_of_plan
 from planner.light.corner_light import DEFAULT_STEP, LampSets, fewest_together, sites_of
 from planner.light.light_plan import LightPlan, LitImage, with_exposures
 from planner.light.lighting import LampSpace, Lighting, Served, eyes_of
-from planner.progress import Progress
+from planner.progress import Progress, TimeLeft, report
 from planner.request.reads import Reads
 from planner.verify.simulate_setting import Planned
 
@@ -56,11 +58,12 @@ class LampSearch:
     n: int
     columns: Callable[[], NDArray[np.bool_]]
     decide: Decide
+    may_go_on: Callable[[], bool] = lambda: True
     refuted: set[Jobs] = field(default_factory=set)
     tried: set[Jobs] = field(default_factory=set)
 
     def bound(self) -> int:
-        """Decide sets until the bound is reached by the columns, or can no longer be raised; return it."""
+        """Decide sets until the bound is reached by the columns, can no longer be raised, or time is up; return it."""
         for i, j in combinations(range(self.n), 2):
             self._try(frozenset((i, j)))
         if self.n > _MOST_LISTED:
@@ -70,7 +73,7 @@ class LampSearch:
             cover = min_cover(open_sets)
             chosen = [frozenset(np.flatnonzero(open_sets[c]).tolist()) for c in cover.chosen]
             new = [jobs for jobs in chosen if not self._realised(jobs) and jobs not in self.tried]
-            if not new or len(self.tried) >= _MOST_DECISIONS:
+            if not new or not self._has_more:
                 return cover.lower_bound
             for jobs in new:
                 self._try(jobs)
@@ -84,7 +87,7 @@ class LampSearch:
                 bound += 1
                 continue
             new = [jobs for jobs in groups if not self._realised(jobs) and jobs not in self.tried]
-            if not new or len(self.tried) >= _MOST_DECISIONS:
+            if not new or not self._has_more:
                 break
             for jobs in new:
                 self._try(jobs)
@@ -126,11 +129,15 @@ class LampSearch:
         lamps = solution.x.reshape(self.n, n_lamps) > 0.5
         return [frozenset(np.flatnonzero(column).tolist()) for column in lamps.T if column.any()]
 
+    @property
+    def _has_more(self) -> bool:
+        return len(self.tried) < _MOST_DECISIONS and self.may_go_on()
+
     def _realised(self, jobs: Jobs) -> bool:
         return bool(self.columns()[:, sorted(jobs)].all(axis=1).any())
 
     def _try(self, jobs: Jobs) -> None:
-        if len(self.tried) >= _MOST_DECISIONS or jobs in self.tried or self._realised(jobs):
+        if jobs in self.tried or not self._has_more or self._realised(jobs):
             return
         self.tried.add(jobs)
         if self.decide(jobs):
@@ -260,6 +267,8 @@ def chosen_lamps(
     progress: Progress | None = None,
     also: ArrayLike = (),
     reads: Reads | None = None,
+    executor: Executor | None = None,
+    deadline: float = math.inf,
 ) -> LightPlan:
     """Choose lamps as `plan_light` does, under which measuring also finds enough of each target.
 
@@ -271,12 +280,21 @@ def chosen_lamps(
         Places to try besides, mm, where lamps are placed.
     reads : Reads, optional
         What measuring will find.
+    executor : concurrent.futures.Executor, optional
+        Computes light regions in parallel. The result does not depend on it.
+    deadline : float
+        Time, as `time.time` gives it, from which on the number of lamps is lowered no more, and its bound not raised.
+
+    Raises
+    ------
+    TimeIsUpError
+        If the light regions are not complete by then.
     """
     lighting = lighting.on_part(solid, plan.camera)
     if lighting.area is not None:
         return _by_area(lighting, lighting.area, plan, solid, reads)
-    served = lighting.served(plan, solid, progress, reads)
-    light = _chosen(lighting, served, plan, also)
+    served = lighting.served(plan, solid, progress, reads, executor, deadline)
+    light = _chosen(lighting, served, plan, also, TimeLeft(deadline), progress)
     return with_exposures(light, plan, served.scene)
 
 
@@ -306,7 +324,14 @@ def _by_area(
     return with_exposures(light, plan, scene)
 
 
-def _chosen(lighting: Lighting, served: Served, plan: Planned, also: ArrayLike = ()) -> LightPlan:
+def _chosen(
+    lighting: Lighting,
+    served: Served,
+    plan: Planned,
+    also: ArrayLike,
+    time_left: TimeLeft,
+    progress: Progress | None,
+) -> LightPlan:
     places = lighting.given
     work = _Work(served, len(plan.settings), lighting.ground)
     if places is None:
@@ -317,7 +342,7 @@ def _chosen(lighting: Lighting, served: Served, plan: Planned, also: ArrayLike =
         served.keep(places)
         return _fixed(work)
     served.add(np.reshape(np.asarray(also, dtype=np.float64), (-1, 3)))
-    return _placed(work, places)
+    return _placed(work, places, time_left, progress)
 
 
 @dataclass
@@ -429,7 +454,9 @@ def _fixed(work: _Work) -> LightPlan:
     return work.result("fixed", chosen, images, bound, proof, dark)
 
 
-def _placed(work: _Work, space: LampSpace) -> LightPlan:
+def _placed(
+    work: _Work, space: LampSpace, time_left: TimeLeft, progress: Progress | None
+) -> LightPlan:
     """As few places as possible."""
     served = work.served
     served.add(space.places(_FIRST_PLACES))
@@ -440,7 +467,7 @@ def _placed(work: _Work, space: LampSpace) -> LightPlan:
             served.search(space, pairs)
     for i in range(len(served.pairs)):
         if not (served.contrast[:, i] > 0).any():
-            none = served.search(space, [i])
+            none = time_left.seconds > 0 and served.search(space, [i])
             if not (served.contrast[:, i] > 0).any():
                 lights = (
                     "lights all of it"
@@ -459,13 +486,13 @@ def _placed(work: _Work, space: LampSpace) -> LightPlan:
     jobs = work.jobs(served.contrast > 0)
 
     def decide(numbers: Jobs) -> bool:
+        report(progress, len(search.tried), _MOST_DECISIONS, "fewest lamps")
         return served.search(space, [i for j in numbers for i in jobs[j]])
 
-    bound = (
-        LampSearch(len(jobs), lambda: _columns(served, jobs), decide).bound()
-        if len(jobs) > 1
-        else len(jobs)
+    search = LampSearch(
+        len(jobs), lambda: _columns(served, jobs), decide, lambda: time_left.seconds > 0
     )
+    bound = search.bound() if len(jobs) > 1 else len(jobs)
     chosen, images, _ = _covered(served, jobs)
     proof = (
         f"The program intersected the exact light regions of sets of settings with {space}. Where no cell is left, "

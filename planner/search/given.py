@@ -161,7 +161,9 @@ def plan_of_given(run: SearchRun, lighting: Lighting | None = None) -> Inspectio
 def _lit(run: SearchRun, lighting: Lighting, plan: InspectionPlan) -> InspectionPlan:
     solid = run.problem.space.solid
     silent = run.callbacks.silent.report
-    lamps = chosen_lamps(lighting, plan, solid, silent, reads=run.problem.reads)
+    lamps = chosen_lamps(
+        lighting, plan, solid, silent, reads=run.problem.reads, executor=run.executor
+    )
     return replace(plan, light=lamps)
 
 

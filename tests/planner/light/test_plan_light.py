@@ -1,6 +1,7 @@
 """Lamps for plans: known answers on a block and a step, bad input, and a check by rays."""
 
 import pickle
+import time
 from itertools import combinations
 from types import SimpleNamespace
 
@@ -21,6 +22,7 @@ from planner.light.corner_light import LampSets, demands_of, parts_of, seen_as, 
 from planner.light.light_plan import LightPlan
 from planner.light.lighting import LampBox, LampDome, Lighting, Served
 from planner.light.plan_light import LampSearch
+from planner.progress import TimeIsUpError, TimeLeft
 from planner.request.targets import edge_target
 
 AROUND = LampBox((-500, -500, -500), (580, 550, 560))
@@ -443,6 +445,37 @@ def test_the_bound_is_the_least_cover_by_all_places(seed, listed, monkeypatch):
 def test_what_stays_open_does_not_raise_the_bound():
     """Nothing is found and nothing refuted: one place might do all."""
     assert LampSearch(5, lambda: np.eye(5, dtype=bool), lambda jobs: False).bound() == 1
+
+
+@pytest.mark.parametrize("n", [5, 20])
+def test_without_time_nothing_is_decided_and_the_bound_says_no_more(n):
+    asked = []
+
+    def decide(jobs):
+        asked.append(jobs)
+        return True
+
+    search = LampSearch(n, lambda: np.eye(n, dtype=bool), decide, lambda: len(asked) < 2)
+    # two pairs are refuted: three jobs of which two exclude the third, at most
+    assert search.bound() == 2
+    assert len(asked) == 2
+
+
+def test_light_that_is_not_known_in_time_gives_no_lamps():
+    with pytest.raises(TimeIsUpError):
+        fewest.chosen_lamps(Lighting(AROUND), side_plan(), block(), deadline=time.time() - 1)
+
+
+def test_late_lamps_still_show_what_a_place_shows():
+    """The regions are known, and then the time is up: more lamps than needed, never a lamp that shows less."""
+    slow = fewest.chosen_lamps(Lighting(AROUND), side_plan(), block())
+    assert slow.complete
+    served = Lighting(AROUND).on_part(block(), side_plan().camera).served(side_plan(), block())
+    late = fewest._chosen(
+        Lighting(AROUND), served, side_plan(), (), TimeLeft(time.time() - 1), None
+    )
+    assert late.unlit == slow.unlit
+    assert late.lower_bound <= slow.lower_bound <= len(slow.lamps) <= len(late.lamps)
 
 
 @pytest.mark.parametrize("n", [15, 20])
