@@ -45,7 +45,7 @@ from planner.request.reach import Space, TargetSpace
 from planner.request.targets import Target, knowledge_of
 from planner.resolve_request import problem_on, resolve_request, resolve_targets
 from planner.search.realise_column import poses_stated
-from planner.text_table import Column, Table
+from planner.text_table import Column, Table, count
 from planner.verify.simulate_setting import MOST_REQUIRED, DisplacedChecks, poses_needed
 
 if TYPE_CHECKING:
@@ -103,6 +103,8 @@ class PosePrediction:
     worst_share : float
         How far the worst constraint is missed, as a share of a natural size; 0 if all are met. It
         orders misses.
+    nominal_text : str
+        The nominal value with its unit; of a position its zone and datums, as drawings write it.
     """
 
     nominal: float
@@ -119,6 +121,7 @@ class PosePrediction:
     p_all: float = math.nan
     p_all_poses: int = 0
     worst_share: float = field(default=0.0, repr=False)
+    nominal_text: str = field(default="", repr=False)
 
     __repr__ = short_repr
 
@@ -295,18 +298,18 @@ class PosesPrediction(ShownInNotebook):
             for name, target in targets.items():
                 if target.is_sure(self.required):
                     u = f"{target.expanded_uncertainty:.3g} {target.unit}"
-                    nominal = f"{target.nominal:.6g} {target.unit}"
+                    nominal = target.nominal_text
                     sure = (probability_text(target.probability), probability_text(target.p_all))
                     rows.append((pose.name, name, nominal, u, *sure))
         n = len(self.predictions[0]) if self.predictions else 0
         missed = self.missed
-        verdict = Toned(f"The poses inspect {n - len(missed)} of {n} targets.", "good")
+        verdict = Toned(f"The poses inspect {n - len(missed)} of {count(n, 'target')}.", "good")
         if missed:
             verdict = replace(verdict, tone="bad")
         table = NotebookTable(
             ("pose", "target", "nominal", "U", "P", "P_all"), rows, right=(2, 3, 4, 5)
         )
-        return NotebookView(f"{len(self.poses)} poses", (verdict,), table, missed)
+        return NotebookView(count(len(self.poses), "pose"), (verdict,), table, missed)
 
     def inspecting(self, name: str) -> tuple[str, ...]:
         """Return the poses that inspect a target as surely as required.
@@ -447,9 +450,9 @@ def _predictions(problem: Problem, cam2world: np.ndarray) -> dict[str, PosePredi
     seen = _observable(problem.space, cam2world[:3, 3])
     # a request without a choice keeps what it has made
     here = problem.at_pose(cam2world, problem.names) if problem.has_choice else problem
-    count = len(here.names)
+    n = len(here.names)
     margins = {
-        name: np.broadcast_to(margin[0], (count,))
+        name: np.broadcast_to(margin[0], (n,))
         for name, margin in here.constraints.margins(cam2world[None]).items()
     }
     if_found = here.objective.probability(cam2world[None])[0]
@@ -471,6 +474,7 @@ def _predictions(problem: Problem, cam2world: np.ndarray) -> dict[str, PosePredi
         shares = [amount / scales[name] for name, amount in missed.items()]
         predictions[target.name] = PosePrediction(
             nominal=described.nominal,
+            nominal_text=target.nominal_text,
             unit=target.measurand.unit,
             permitted_error=described.permitted_error,
             observable=bool(seen[k]),

@@ -375,10 +375,13 @@ _BELOW = ("a", "b", "c", "cd", "d", "e", "ef", "f", "fg", "g")
 _TO_GRADE_8 = ("k", "m", "n")
 _DELTA_MM = (3, 500)
 _TOLERANCE_CLASSES_LIMITS_MM = (*TOLERANCE_LIMITS_MM, *LARGE_TOLERANCE_LIMITS_MM)
-_RULE = (
-    "must be a letter and a grade of ISO 286, such as H7 for a hole or g6 for a shaft, "
-    f"with {', '.join(name.upper() for name in _LETTERS)} or the same in small letters, and 01, 0, 1 to 18"
+_RULE = "must be a letter and a grade of ISO 286, such as H7 for a hole or g6 for a shaft"
+_NAMES = (
+    f", with {', '.join(name.upper() for name in _LETTERS)} or the same in small letters, "
+    "and 01, 0, 1 to 18"
 )
+# as on a drawing, such as 24 H7 or Ø24H7: the size and its class
+_WITH_SIZE = re.compile(r"[⌀Ø∅]? ?[0-9.,]+ ?([A-Za-z]{1,2} ?[0-9]{1,2})")
 
 
 @dataclass(frozen=True)
@@ -419,9 +422,15 @@ class ToleranceClass:
             if one_case and letters.lower() in _LETTERS and grade in GRADES:
                 return cls(letters, grade)
         hint = ""
-        if isinstance(text, str) and "/" in text:
-            hint = "give the class of this part only, because H7/g6 is a fit of two parts"
-        raise ToleranceError.of_rule("tolerance_class", _RULE, repr(text), hint=hint)
+        rule = _RULE + _NAMES
+        if isinstance(text, str):
+            with_size = _WITH_SIZE.fullmatch(text.strip())
+            if "/" in text:
+                hint = "give the class of this part only, because H7/g6 is a fit of two parts"
+            elif with_size is not None:
+                rule = _RULE
+                hint = f"write {with_size[1]} alone, because the nominal size is the part's"
+        raise ToleranceError.of_rule("tolerance_class", rule, repr(text), hint=hint)
 
     def __str__(self) -> str:
         """Return it as a drawing has it."""
@@ -539,6 +548,18 @@ class ToleranceClass:
             repr(str(self)),
             hint=hint,
         )
+
+
+def class_tables() -> dict[str, Any]:
+    """Return the figures of ISO 286 for a page that computes limits of its own, with sizes in mm and the rest in µm."""
+    return {
+        "grades": GRADES,
+        "limits": _TOLERANCE_CLASSES_LIMITS_MM,
+        "widths": TOLERANCES_UM,
+        "steps": DEVIATION_LIMITS_MM,
+        "distances": DEVIATIONS_UM,
+        "j": J_UM,
+    }
 
 
 def tolerance_class_deviations(tolerance_class: str, nominal_mm: float) -> tuple[float, float]:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
+from aspectgraph.dimensions.tolerances import class_tables
 from aspectgraph.exceptions import EntityError, MissingExtraError, PictureError, how_to_install
 from aspectgraph.files import replacing
 from aspectgraph.plot.traces import is_feature, line_trace, part_traces, scene_figure, xyz
@@ -476,6 +477,7 @@ _SCRIPTS = (
     "labels.js",
     "pairs.js",
     "positions.js",
+    "classes.js",
     "choice.js",
     "pointer.js",
     "picker.js",
@@ -555,6 +557,7 @@ def _data(solid: Solid, items: list[NamedItem], name: str) -> dict[str, Any]:
         "normals": _packed(solid.normals, "<f4"),
         "outlines": [_rounded(solid.edge_points(edge_id) - centre) for edge_id in outline_ids],
         "faces": [_face_rows(solid, face) for face in range(len(solid.faces))],
+        "classes": class_tables(),
         "items": [_record(solid, item, centre, curves.get(item.id)) for item in items],
     }
 

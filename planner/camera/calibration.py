@@ -123,9 +123,12 @@ def check_count(field: str, value: object) -> int:
 
 def check_white_level(value: object) -> int:
     """Return a grey value of full exposure, or raise `CameraError`."""
+    rule = f"must be a whole number from {LEAST_WHITE} to {MOST_WHITE}, such as 4095 of 12 bits"
+    if isinstance(value, str) and value.strip().isdecimal():
+        hint = f"write {value.strip()} without quotes"
+        raise CameraError.of_rule("white_level", rule, shown(value), hint=hint)
     number = check_positive("white_level", value)
     if number % 1 or not LEAST_WHITE <= number <= MOST_WHITE:
-        rule = f"must be a whole number from {LEAST_WHITE} to {MOST_WHITE}, such as 4095 of 12 bits"
         raise CameraError.of_rule("white_level", rule, shown(value))
     return int(number)
 

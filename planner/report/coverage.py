@@ -39,6 +39,9 @@ ALL = "✓"
 SOME = "◐"
 NONE = "✗"
 
+_SHORT = 60
+"""Reasons of up to so many characters may be repeated."""
+
 _CLASSES = {ALL: "good", SOME: "open", NONE: "bad"}
 
 
@@ -77,7 +80,7 @@ def coverage(plan: InspectionPlan) -> list[Covered]:
     Returns
     -------
     list of Covered
-        The targets in their order, then what the model requires and the plan leaves out.
+        The targets in their order, then what the model requires and the plan leaves out. A long reason stands once.
     """
     groups: dict[str, list[str]] = {}
     for name in plan.entities:
@@ -92,7 +95,21 @@ def coverage(plan: InspectionPlan) -> list[Covered]:
     rows += [
         Covered(NONE, _CLASSES[NONE], name, [], reason) for name, reason in plan.not_planned.items()
     ]
-    return rows
+    return _said_once(rows)
+
+
+def _said_once(rows: Iterable[Covered]) -> list[Covered]:
+    """Return the rows with each long reason once; further rows name the first one that has it."""
+    first: dict[str, str] = {}
+    result = []
+    for row in rows:
+        if row.mark == NONE and len(row.text) > _SHORT:
+            if row.text in first:
+                row = row._replace(text=f"the same as of {first[row.text]}")
+            else:
+                first[row.text] = row.name
+        result.append(row)
+    return result
 
 
 def requirement_name(name: str) -> str:

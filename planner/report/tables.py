@@ -176,7 +176,7 @@ def _result(
     return [
         (row.name, warned(row)),
         row.kind.replace("_", " "),
-        f"{row.nominal:.6g} {row.unit}",
+        plan.targets[row.name].nominal_text,
         permitted(row, plan.targets[row.name]),
         f"{digits_text(expanded, 3)} {row.unit}",
         _percent(expanded / row.permitted_error),

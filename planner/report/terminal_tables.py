@@ -612,7 +612,7 @@ def _predicted_row(pose: str, name: str, target: PosePrediction) -> tuple[str, .
     return (
         pose,
         name,
-        f"{target.nominal:.6g} {unit}",
+        target.nominal_text,
         f"{digits_text(target.permitted_error, 3)} {unit}",
         f"{digits_text(target.expanded_uncertainty, 3)} {unit}",
         probability_text(target.probability),

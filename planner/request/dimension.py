@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
@@ -51,7 +52,14 @@ def checked_class(text: str, kind: str) -> str:
     try:
         class_text = str(ToleranceClass.of(text))
     except ToleranceError as error:
-        raise RequestError.of_rule("tolerance", error.rule, error.got, hint=error.hint) from None
+        half = _half_of(text)
+        if half is None:
+            raise RequestError.of_rule(
+                "tolerance", error.rule, error.got, hint=error.hint
+            ) from None
+        rule = "must be two numbers, lower and upper deviation, or a class such as H7"
+        hint = f"write [-{half:g}, {half:g}] without quotes"
+        raise RequestError.of_rule("tolerance", rule, error.got, hint=hint) from None
     if kind not in KINDS_WITH_CLASS:
         raise RequestError.of_rule(
             "tolerance",
@@ -60,6 +68,12 @@ def checked_class(text: str, kind: str) -> str:
             f"{class_text!r} for a {kind.replace('_', ' ')}",
         )
     return class_text
+
+
+def _half_of(text: str) -> float | None:
+    """Return half of a symmetric tolerance that is written as on a drawing, such as ±0.1; None of all else."""
+    match = re.fullmatch(r"(?:±|\+/?-|\+-)? ?(\d*[.,]?\d+)(?: ?mm)?", text.strip())
+    return None if match is None else float(match[1].replace(",", "."))
 
 
 def class_limits(tolerance_class: str, nominal_mm: float) -> tuple[float, float]:

@@ -209,6 +209,7 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
     """
     content = _content(Path(path))
     datums = content.get("datums", {})
+    _check_tables(content, (*kinds, "edge"))
     content = content.get("dimensions", {key: content[key] for key in content if key != "datums"})
     if not isinstance(datums, Mapping):
         raise RequestError.of_rule("datums", "must be a table of names and entities", repr(datums))
@@ -224,6 +225,20 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
             stated = {**stated, "size": _size_of(name, size, content[size], kinds)}
         items[name] = _wanted(name, stated, kinds, share)
     return items
+
+
+def _check_tables(content: Mapping[str, Any], kinds: tuple[str, ...]) -> None:
+    """Refuse what stands beside the table dimensions and would not be read, and [datum] for [datums]."""
+    tables = ("dimensions", "datums")
+    for key, value in content.items():
+        near = difflib.get_close_matches(key, tables, n=1)
+        is_table = isinstance(value, Mapping) and not any(kind in value for kind in kinds)
+        if key not in tables and ("dimensions" in content or (is_table and near)):
+            hint = f"{near[0]!r} may be meant" if near else ""
+            rule = "must stand in the table dimensions, or be the table datums"
+            raise RequestError.of_rule(
+                "what a file of dimensions holds", rule, repr(key), hint=hint
+            )
 
 
 def _size_of(name: str, size: str, stated: Any, kinds: tuple[str, ...]) -> Any:
@@ -250,8 +265,10 @@ def _with_datums(value: Any, named: Mapping[str, Any]) -> Any:
             frame.append("-".join(map(_entity_text, datum)))
             continue
         if is_name and datum not in named and datum != PARALLEL:
-            listed = ", ".join(map(repr, named)) or "empty"
+            listed = ", ".join(map(repr, named))
             rule = f"must name entities, or a name in the table datums, which has {listed}"
+            if not named:
+                rule = "must name entities, because the file has no names in a table [datums]"
             raise RequestError.of_rule("datums", rule, repr(datum))
         shown_by = named.get(datum, datum) if is_name else datum
         frame.append(_entity_text(datum))

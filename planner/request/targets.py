@@ -272,6 +272,11 @@ class Target(ABC):
         return ()
 
     @property
+    def nominal_text(self) -> str:
+        """The nominal value with its unit."""
+        return f"{self.nominal:.6g} {self.unit}"
+
+    @property
     def witness(self) -> Witness:
         """The only witness. Of a target with several, `choosing` returns one with a single witness."""
         (witness,) = self.witnesses
@@ -768,10 +773,7 @@ class PlannedDimension(Target):
         if self.kind in POSITIONS and self.tolerance is not None:
             share = self._share(self.tolerance)
             error = f"error up to {self.permitted_error:.4g} {self.unit} ({share})"
-            widened = "" if self.material is None else f" ({self.material.condition})"
-            zone = zone_text(self.kind, self.tolerance[1])
-            zone = " | ".join((f"{zone} {self.unit}{widened}", *self.datum_names))
-            return f"{self.kind.replace('_', ' ')} in {zone}", error
+            return f"{self.kind.replace('_', ' ')} in {self.nominal_text}", error
         error = f"error up to {self.permitted_error:.4g} {self.unit}"
         if self.tolerance is None:
             return nominal, error
@@ -779,6 +781,15 @@ class PlannedDimension(Target):
             return f"{nominal} {tolerance_text(self.tolerance)}", error
         share = self._share(self.tolerance)
         return f"{nominal} {tolerance_text(self.tolerance)}", f"{error} ({share})"
+
+    @property
+    def nominal_text(self) -> str:
+        """The nominal value with its unit; of a position its zone and datums, because its nominal value is 0."""
+        if self.kind not in POSITIONS or self.tolerance is None:
+            return super().nominal_text
+        widened = "" if self.material is None else f" ({self.material.condition})"
+        zone = zone_text(self.kind, self.tolerance[1])
+        return " | ".join((f"{zone} {self.unit}{widened}", *self.datum_names))
 
     @property
     def datum_names(self) -> tuple[str, ...]:

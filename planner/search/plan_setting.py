@@ -28,7 +28,7 @@ from planner.request.camera_limits import (
     widest_view_mm,
 )
 from planner.request.constraints import Constraints, Requirements
-from planner.request.problem import Objective, Problem
+from planner.request.problem import Objective, Problem, why_missed
 from planner.request.reach import Reach, Space, TargetSpace, cells_of, entity_space
 from planner.request.targets import check_is_edge
 from planner.search.poses import (
@@ -255,6 +255,7 @@ def explain_infeasible(
                 constraint=name,
                 entity=entity,
                 margin=margin,
+                why=f"{why_missed(name, -margin)} at the best pose tried.",
             )
     return _nearest_misses(margins, constraints)
 
@@ -313,12 +314,15 @@ def _nearest_misses(margins: dict[str, np.ndarray], constraints: Constraints) ->
     ]
     name = missed[0][1] if missed else ""
     text = f": the nearest pose misses {', '.join(parts)}" if parts else ""
+    fault = f"no tried pose meets all constraints for {', '.join(constraints.names)}"
+    words = ", ".join(why_missed(name, -worst[name][0]) for _, name in missed)
     return InfeasibleError(
-        f"no tried pose meets all constraints for {', '.join(constraints.names)}{text}.",
+        f"{fault}{text}.",
         constraint=name,
         entity=worst[name][1] if name else "",
         margin=worst[name][0] if name else float("nan"),
         together=True,
+        why=f"{fault}: {words} at the nearest one." if words else "",
     )
 
 

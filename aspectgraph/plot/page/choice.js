@@ -4,11 +4,14 @@
 // the share of a tolerance's half width that `plan` permits as error of measurement
 const SHARE = 0.25;
 const MEASURED = { edge: "edge", rim: "diameter", arc: "radius" };
+// what ISO 286 is for: sizes of cylinders, and of pairs of parallel planes
+const WITH_CLASS = ["edge", "rim", "distance"];
 const measured = (kind) => MEASURED[kind] || kind;
 
 class Choice {
-  constructor(items) {
+  constructor(items, classes) {
     this.items = [...items]; // and after them the pairs
+    this.classes = classes;
     this.names = new Map(); // index -> name, in the order collected
     this.past = [];
     this.tolerances = new Map(); // index -> text of its own tolerance
@@ -88,10 +91,17 @@ class Choice {
 
   /* Return the tolerance of an item as [lower, upper], null where none is asked, undefined where the text is none. */
   tolerance(k) {
+    const name = this.toleranceClass(k);
+    if (name) return this.hasClass(k) ? this.classes.deviations(name, this.items[k].size) : undefined;
     if (!this.isPosition(k)) return toleranceOf(this.tolerances.get(k) || this.shared(k));
     const zone = this.zone(k);
     return zone && [0, zone];
   }
+
+  /* Return the tolerance class of an item, such as H7; nothing where its tolerance is none. */
+  toleranceClass(k) { return this.isPosition(k) ? "" : this.classes.read(this.tolerances.get(k) || this.shared(k)); }
+
+  hasClass(k) { return WITH_CLASS.includes(this.items[k].kind); }
 
   /* Return the zone of a position; null where none is typed, undefined where the text is none. */
   zone(k) { return zoneOf(this.tolerances.get(k) || ""); }
@@ -109,7 +119,10 @@ class Choice {
   toleranceFault(k) {
     const limits = this.tolerance(k), { size: nominal } = this.items[k];
     if (this.isPosition(k) && !limits) return "a position needs its zone, a number like 0.2";
-    if (limits === undefined) return "a tolerance must be a number like 0.05, or two like -0.02/+0.05";
+    const name = this.toleranceClass(k);
+    if (name && !this.hasClass(k)) return `only a diameter, distance or length has a tolerance class like ${name}`;
+    if (name && !limits) return `ISO 286 has no ${name} for ${number(nominal)} mm`;
+    if (limits === undefined) return "a tolerance must be a number like 0.05, two like -0.02/+0.05, or a class like H7";
     if (!(this.share > 0 && this.share <= 1)) return "the share must be above 0 % and at most 100 %";
     if (!limits) return "";
     if (!(limits[0] < limits[1])) return "the two deviations must differ";
@@ -129,7 +142,8 @@ class Choice {
     const nominal = valueText({ kind, axis, nominal: value, unit: this.unit(k) });
     if (this.toleranceFault(k)) return nominal;
     if (error === null) return `${nominal}, error by --accuracy`;
-    return `${nominal} ${toleranceText(this.tolerance(k))}: error up to ${this.withUnit(k, number(error))} (${number(100 * this.share)} %)`;
+    const name = this.toleranceClass(k), limits = toleranceText(this.tolerance(k));
+    return `${nominal} ${name ? `${name} (${limits})` : limits}: error up to ${this.withUnit(k, number(error))} (${number(100 * this.share)} %)`;
   }
 
   /* Return the TOML of --dimensions. */
@@ -143,7 +157,8 @@ class Choice {
       const { kind, axis } = this.items[k], limits = this.tolerance(k);
       const asked = [`${measured(kind)} = ${this.value(k, byEnds)}`];
       if (axis) asked.push(`direction = [${AXES[axis].join(", ")}]`);
-      if (limits) asked.push(`tolerance = [${limits.join(", ")}]`);
+      const name = this.toleranceClass(k);
+      if (limits) asked.push(`tolerance = ${name ? `"${name}"` : `[${limits.join(", ")}]`}`);
       if (limits && this.share !== SHARE) asked.push(`share = ${this.share}`);
       lines.push(`${tomlKey(this.key(k))} = { ${asked.join(", ")} }`);
     }
@@ -166,7 +181,7 @@ class Choice {
       const asked = { [measured(kind)]: of && !isPosition ? [entity, ...more] : entity };
       if (axis) asked.direction = AXES[axis];
       if (isPosition) [asked.zone, asked.datums] = [this.zone(k) ?? null, more];
-      else if (limits) asked.tolerance = limits;
+      else if (limits) asked.tolerance = this.toleranceClass(k) || limits;
       if (limits && this.share !== SHARE) asked.share = this.share;
       const own = this.tolerances.get(k) || "", fault = this.toleranceFault(k);
       const row = { id, name, own, key: this.key(k), asked, fault };

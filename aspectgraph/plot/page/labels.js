@@ -32,7 +32,7 @@ function placeLabels(context, texts, seen, wanted, width, height) {
   const order = [...seen.keys()].sort((i, j) => wanted(j) - wanted(i) || seen.get(j).pixels - seen.get(i).pixels || i - j);
   for (const k of order) {
     const { pixels, x, y } = seen.get(k), w = context.measureText(texts[k]).width + 8, h = LABEL_PX + 5;
-    if (!wanted(k) && pixels / 3 < 1.2 * w) continue;
+    if (!wanted(k) && pixels / 3 < w) continue;
     const tries = [[0, 0], [0, -h], [0, h], [w * 0.8, 0], [-w * 0.8, 0], [w * 0.8, -h], [-w * 0.8, h]];
     for (const [dx, dy] of tries) {
       const box = { k, x: x + dx - w / 2, y: y + dy - h / 2, w, h };

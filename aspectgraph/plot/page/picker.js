@@ -21,8 +21,8 @@ const lines = items.map((item) => item.line);
 const middles = lines.map((line) =>
   line.length === 2 ? line[0].map((v, i) => (v + line[1][i]) / 2) : line[line.length >> 1]);
 const scene = new Scene($("scene"), part, lines);
-const choice = new Choice(items);
-const texts = items.map((item) => item.id);
+const choice = new Choice(items, new ToleranceClasses(data.classes));
+const texts = items.map(shortName);
 const state = { pointed: -1, face: -1, codes: null, seen: new Map(), boxes: [], box: null, timer: 0, frame: 0, hosted: false, first: -1, partners: new Map(), chain: [], zone: "" };
 
 /* What the filter lets through. */
@@ -265,7 +265,7 @@ function listAll() {
     row.id = `item-${k}`;
     tick.type = "checkbox";
     tick.addEventListener("change", () => take(k));
-    const cells = [item.kind === "edge" ? `e${item.id}` : item.id, item.kind, item.told].map((text) => {
+    const cells = [texts[k], item.kind, item.told].map((text) => {
       const cell = document.createElement("span");
       cell.textContent = text;
       return cell;

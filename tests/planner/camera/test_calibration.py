@@ -287,6 +287,10 @@ GOOD = {
             {"focal_length_mm": 10**400},
             r"focal_length_mm must be finite and positive\. Got an integer of 1329 bits",
         ),
+        (
+            {"white_level": "4095"},
+            r"white_level must be a whole number .* Got '4095'; write 4095 without quotes",
+        ),
         ({"f_number": "8"}, r"f_number must be finite and positive\. Got '8'"),
         (
             {"focus_distance_mm": 1e12},

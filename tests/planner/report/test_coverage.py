@@ -65,10 +65,21 @@ def test_each_requirement_is_marked_once_with_settings_or_the_reason(plan):
     assert verdict_text(rows) == "1 of 3 requirements covered. 1 requirement in part."
 
 
+def test_a_long_reason_stands_once(plan):
+    """Two flatness tolerances without an edge: the second refers to the first, a short reason does not."""
+    long = "needs the surface, not its edges, as the form of a face is nothing that an edge shows"
+    reasons = {"A": long, "B": "no edge", "C": long, "D": "no edge"}
+    rows = coverage(replace(plan, not_planned=reasons))[-4:]
+    assert [row.text for row in rows] == [long, "no edge", "the same as of A", "no edge"]
+
+
 def test_settings_that_show_a_position_together_are_named():
     made = plate.measured_plan(plate.thick_plate(), ("left", "right", "width"), 2)
     left, right = (made.targets[name].entities[0] for name in ("left", "right"))
     bolt = plate.dimension("position", (left, "front", right), (RIM, FRONT, OTHER), (0.0, 0.25))
+    # tables show the zone, and not the nominal deviation, which is always 0
+    assert bolt.nominal_text == f"⌀0.25 mm | front | {right}"
+    assert made.targets["width"].nominal_text == "50 mm"
     shown = (("left",), ("right", "width"))
     plan = changed(
         made,

@@ -104,6 +104,18 @@ both = { distance = [17, 18], tolerance = { lower = -0.3, upper = 0.2 } }
             "dimension 'a': tolerance must be a letter and a grade of ISO 286.* Got 'H77'",
         ),
         (
+            'a = { diameter = "r3", tolerance = "Ø24 H7" }',
+            "Got 'Ø24 H7'; write H7 alone, because the nominal size is the part's",
+        ),
+        (
+            'a = { diameter = "r3", tolerance = "±.1" }',
+            r"tolerance must be two numbers.* Got '±.1'; write \[-0.1, 0.1\] without quotes",
+        ),
+        (
+            "front = 12\n[dimensions]\nback = 13",
+            "must stand in the table dimensions, or be the table datums. Got 'front'",
+        ),
+        (
             'a = { radius = "r3", tolerance = "H7" }',
             "dimension 'a': tolerance must be two numbers, because only a diameter",
         ),

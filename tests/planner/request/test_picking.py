@@ -11,7 +11,13 @@ import pytest
 from browser import Browser, needs_browser
 from solids import prism, ring
 
-from aspectgraph import MissingExtraError, Solid
+from aspectgraph import MissingExtraError, Solid, ToleranceError
+from aspectgraph.dimensions.tolerances import (
+    DEVIATIONS_UM,
+    GRADES,
+    ToleranceClass,
+    class_tables,
+)
 from aspectgraph.plot.picker import picker_html
 from errors.exceptions import MeasurandError
 from errors.measurands.geometry import Circle, Line
@@ -212,6 +218,42 @@ def test_what_lies_between_two_is_as_the_plan_has_it(browser, tmp_path):
                 defined.add((kind, frozenset(pair)))
     assert asked == defined
     assert {kind for kind, _ in asked} == {"distance", "angle", "centre_distance", "centre_to_edge"}
+    assert page.complaints == []
+    page.close()
+
+
+def limits_of(name, size):
+    """Limits of a class, or None where ISO 286 has none."""
+    try:
+        return list(ToleranceClass.of(name).deviations_mm(size))
+    except ToleranceError:
+        return None
+
+
+@needs_browser
+def test_classes_have_the_limits_that_the_plan_takes(browser, part, tmp_path):
+    """Every class at the end of every range of sizes, and just above it: page and package agree."""
+    path = tmp_path / "page.html"
+    path.write_text(picker_html(part), encoding="utf-8")
+    page = browser.page(path)
+    ends = class_tables()["steps"]
+    sizes = [0.5, 1.0, 1.001, *ends, *(end + 0.001 for end in ends)]
+    letters = [*DEVIATIONS_UM, "h", "j", "js", "q", "Cd"]
+    names = [f"{a}{n}" for a in (*letters, *map(str.upper, letters)) for n in (*GRADES, "19")]
+    told = page.run(
+        f"((names, sizes) => names.map((name) => {{ const one = choice.classes.read(name);"
+        " return sizes.map((size) => (one && choice.classes.deviations(one, size)) || null); }))"
+        f"({json.dumps(names)}, {json.dumps(sizes)})"
+    )
+    assert told == [[limits_of(name, size) for size in sizes] for name in names]
+    page.run("choice.add([0])")
+    page.run("$('kind-of-file').value = 'dimensions'; $('tolerance').value = 'h12'; chosen()")
+    (edge,) = read_wanted(saved_as(page, tmp_path), kinds()).values()
+    assert (edge.kind, edge.tolerance_class) == ("length", "h12")
+    assert page.run("choice.record()")["rows"][0]["asked"]["tolerance"] == "h12"
+    page.run("$('tolerance').value = 'C19'; chosen()")
+    assert "or a class like H7" in page.run("$('fault').textContent")
+    assert page.run("$('toml').value") == ""
     assert page.complaints == []
     page.close()
 

@@ -56,6 +56,14 @@ def test_a_file_names_its_datums_once(tmp_path):
             "datums must name entities, or a name in the table datums, which has 'A'. Got 'B'",
         ),
         (
+            'bolt = { position = "r3", zone = 1, datums = ["A"] }\n[datum]\nA = 17',
+            "Got 'datum'; 'datums' may be meant",
+        ),
+        (
+            'bolt = { position = "r3", zone = 1, datums = ["A"] }',
+            r"because the file has no names in a table \[datums\]. Got 'A'",
+        ),
+        (
             'bolt = { position = "r3", zone = 1, datums = [17, "r3"] }',
             r"datums must differ from the rim and from each other. Got \[17, 'r3'\] for 'r3'",
         ),
