@@ -169,8 +169,9 @@ class Deadline:
         return max((self._limit - passed) / 2.0, shortest)
 
     def arm_soon(self) -> None:
-        """There is a first plan; from `LEAST_SEARCH_S` on it is something to end with."""
-        self._armed_at = min(self._armed_at, time.monotonic() + LEAST_SEARCH_S)
+        """There is a first plan to end with, for limits under `KEPT_LIMIT_S` only after `LEAST_SEARCH_S`."""
+        wait_s = LEAST_SEARCH_S if self._latest == math.inf else 0.0
+        self._armed_at = min(self._armed_at, time.monotonic() + wait_s)
 
     def check(self) -> None:
         """Raise `TimeIsUpError` if the time is up and there is something to end with, or it is up for a first plan."""

@@ -1,7 +1,8 @@
 """What rounds and ways around cost in a cluttered cell: processor time, ways found, length of the rounds.
 
 A UR10e before a block on a table, between posts, a wall over the block and a plate above. Run from the folder of the
-project: ``python benchmarks/running/robot_rounds.py [--settings 10 40] [--pairs 30]``.
+project: ``python benchmarks/running/robot_rounds.py [--settings 10 40] [--pairs 30]
+[--seeds 2 3 4 5]``.
 """
 
 from __future__ import annotations
@@ -55,15 +56,15 @@ def blocked_pairs(cell, count, rng):
     return arm, pairs
 
 
-def ways_around(cell, count):
+def ways_around(cell, count, seed):
     """Print how many ways are found with the usual trials and thoroughly, and how much longer they take."""
-    arm, pairs = blocked_pairs(cell, count, np.random.default_rng(2))
+    arm, pairs = blocked_pairs(cell, count, np.random.default_rng(seed))
     rates = JointRates(0.5 * cell.robot.speeds, cell.robot.accelerations)
     for thorough in (False, True):
         detours = Detours(arm, rates)
         started = time.process_time()
         ways = [
-            detours.find(start, end, [0, k], thorough=thorough)
+            detours.find(start, end, [seed, k], thorough=thorough)
             for k, (start, end) in enumerate(pairs)
         ]
         seconds = time.process_time() - started
@@ -74,7 +75,7 @@ def ways_around(cell, count):
         ]
         kind = "thoroughly" if thorough else "usually"
         print(
-            f"ways {kind}: {len(longer)} of {count} found, {seconds:.1f} s, "
+            f"ways {kind}, seed {seed}: {len(longer)} of {count} found, {seconds:.1f} s, "
             f"{np.mean(longer):.2f} times the straight move"
         )
 
@@ -102,11 +103,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--settings", type=int, nargs="*", default=[10, 40])
     parser.add_argument("--pairs", type=int, default=30)
+    parser.add_argument("--seeds", type=int, nargs="*", default=[2])
     options = parser.parse_args()
     cell = cluttered_cell()
     for count in options.settings:
         rounds(cell, count)
-    ways_around(cell, options.pairs)
+    for seed in options.seeds:
+        ways_around(cell, options.pairs, seed)
 
 
 if __name__ == "__main__":

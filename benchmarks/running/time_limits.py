@@ -58,7 +58,7 @@ def write_plate(n: int, folder: Path) -> tuple[Path, Path]:
     part = folder / f"plate-{n * n}.off"
     part.write_text("\n".join(lines) + "\n", encoding="ascii")
     rims = read_solid(part, units="mm").rims()
-    stated = [f'bore_{r.id} = {{ diameter = "{r.id}", tolerance = [-0.8, 0.8] }}' for r in rims]
+    stated = [f'bore_{r.id} = {{ diameter = "{r.id}", tolerance = [-1.2, 1.2] }}' for r in rims]
     dimensions = folder / f"plate-{n * n}.toml"
     dimensions.write_text("\n".join(stated) + "\n", encoding="ascii")
     return part, dimensions

@@ -73,9 +73,13 @@ _OPTIONS = {
     "distances_mm": "--distances",
     "joints_rad": "--sigma-joints",
     "settle_s": "--settle",
+    "post_heights_mm": "--post-heights",
     "cell.home": "home_deg of the cell file",
     "solid": "the part",
 }
+
+# digits of a number that is printed as it was typed
+_LONGEST_NUMBER = 20
 
 # fields that some commands have an option of another name for
 _FIELDS = {"time_s": "read_time_limit"}
@@ -221,7 +225,8 @@ def _check_count(name: str, value: int, rule: Count) -> None:
     if value < rule.minimum:
         raise RequestError.of_rule(name, f"must be at least {rule.minimum}", str(value))
     if value > rule.maximum:
-        got = f"a number of {len(str(value))} digits"
+        text = str(value)
+        got = text if len(text) <= _LONGEST_NUMBER else f"a number of {len(text)} digits"
         raise RequestError.of_rule(name, f"must be at most {rule.maximum:g}", got)
 
 

@@ -27,7 +27,12 @@ from planner.robotcell.placement import PlacementSearch
 from planner.robotcell.urdf import compose, invert
 from planner.robotprogram.other_poses import with_reached_settings
 from planner.robotprogram.program import FixturedTour, RobotProgram, Stop
-from planner.robotprogram.program_steps import CameraSignals, check_program_speed
+from planner.robotprogram.program_steps import (
+    CameraSignals,
+    check_axes,
+    check_program_speed,
+    check_signals,
+)
 from planner.robotprogram.program_texts import FORMATS, format_of_file, write_program
 from planner.robotprogram.robot_program import (
     ArmUncertainty,
@@ -60,9 +65,13 @@ def program(options: Program) -> int:
         trigger_output=options.trigger_output,
         ready_input=options.ready_input,
     )
+    check_signals(signals, language)
     uncertainty = _uncertainty(options)
     plan = read_plan(options.plan)
     cell = Cell.from_toml(options.cell)
+    # a program may leave out the fixturings on a turntable
+    turns = all(fixturing.table is not None for fixturing in cell.fixturings.values())
+    check_axes(language, cell.robot.n_joints, turns=turns)
     solid = read_part(options.part, options)
     check_same_part(solid, plan, options.part)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
@@ -250,6 +259,13 @@ def _check_place(options: Reach) -> None:
         raise RequestError.of_rule("within", "must not be given with --table", "both")
     if options.post_heights is not None and options.table is None:
         raise RequestError.of_rule("post_heights", "must be given with --table", "none")
+    _posts(options)
+
+
+def _posts(options: Reach) -> Posts:
+    """Return the posts that may stand below the part, or raise if a number breaks its rule."""
+    heights = POST_HEIGHTS_MM if options.post_heights is None else tuple(options.post_heights)
+    return Posts(heights, options.post_width)
 
 
 def _check_plan_out(options: Reach) -> None:
@@ -392,8 +408,7 @@ class _Way(NamedTuple):
 
 def _laid(options: Reach, plan: InspectionPlan, solid: Solid, cell: Cell) -> int:
     """Print ways to lay the part on a table."""
-    heights = POST_HEIGHTS_MM if options.post_heights is None else tuple(options.post_heights)
-    posts = Posts(heights, options.post_width)
+    posts = _posts(options)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         search = LayingSearch(plan, solid, cell, str(options.table), posts)
         draws = _WAYS_ON_TURNTABLE if search.turns else _WAYS

@@ -49,7 +49,7 @@ from planner.light.corner_light import (
     sure_contrast,
 )
 from planner.light.reflection import Glare, Material, Places
-from planner.progress import Progress, TimeIsUpError, labelled
+from planner.progress import Progress, TimeIsUpError, labelled, report
 from planner.request.reach import PlainReach, Reach, check_reach, reach_margin
 from planner.request.reads import Reads, TargetReads
 from planner.request.targets import targets_of
@@ -412,6 +412,8 @@ class Readers:
         Of each pair; None of one that is a length in the image, of which `Corners` tells.
     background : float
         Light behind the part, 0 or 1.
+    progress : callable, optional
+        ``progress(done, total, label)``, of the pairs that are read and the settings that are registered.
     """
 
     reads: Reads
@@ -419,9 +421,17 @@ class Readers:
     setting: NDArray[np.int_]
     targets: Sequence[TargetReads | None]
     background: float
+    progress: Progress | None = None
 
     @classmethod
-    def of(cls, reads: Reads, plan: Planned, pairs: Sequence[Pair], ground: str) -> Readers:
+    def of(
+        cls,
+        reads: Reads,
+        plan: Planned,
+        pairs: Sequence[Pair],
+        ground: str,
+        progress: Progress | None = None,
+    ) -> Readers:
         """Return those of a plan's pairs."""
         background = float(ground == "bright")
         settings = [
@@ -435,21 +445,25 @@ class Readers:
             is_length = target.in_image or target.measurand.in_image
             targets.append(None if is_length else reads.of_target(*pose, target, background))
         numbers = np.array([pair.setting for pair in pairs], dtype=int)
-        return cls(reads, settings, numbers, targets, background)
+        return cls(reads, settings, numbers, targets, background, progress)
 
     def read(self, places: Array, shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return which of the pairs (n, pairs) that lamps at places (n, 3) show will be read."""
         is_read = shown.copy()
+        total = len(self.targets) + len(self.settings)
+        report(self.progress, 0, total, "light that is read")
         for k, target in enumerate(self.targets):
             rows = np.flatnonzero(shown[:, k])
             if target is not None and len(rows):
                 is_read[rows, k] = target.shown(places[rows])
+            report(self.progress, k + 1, total, "light that is read")
         for number, pose in enumerate(self.settings):
             pairs = np.flatnonzero(self.setting == number)
             rows = np.flatnonzero(is_read[:, pairs].any(axis=1))
             whites = self._whites(pairs, places[rows])
             registered = self.reads.registered(*pose, places[rows], self.background, whites)
             is_read[np.ix_(rows, pairs)] &= registered
+            report(self.progress, len(self.targets) + number + 1, total, "light that is read")
         return is_read
 
     def _whites(self, pairs: NDArray[np.int_], places: Array) -> Array:
@@ -1056,7 +1070,7 @@ class Lighting:
         corners = corners_of(plan, solid, scene, names, demands.edge_ids)
         readers = None
         if reads is not None and not self.together:
-            readers = Readers.of(reads, plan, demands.pairs, self.ground)
+            readers = Readers.of(reads, plan, demands.pairs, self.ground, progress)
         return Served(
             light,
             scene,

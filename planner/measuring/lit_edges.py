@@ -163,6 +163,20 @@ class _Sides:
             is_found[of_block] = shows & even.all(axis=(1, 2))
         return _Seen(is_found, brighter, sides)
 
+    def brightest(self, lamps: Array, usable: Bools) -> Array:
+        """Return the largest irradiance (n,) of the part beside some samples (m,), 1/mm²; 0 without any."""
+        # the places nearest to the edge are enough
+        faces = self.faces.chosen(0).chosen((slice(None), usable))
+        on_part = self.on_part[0][:, usable]
+        brightest = np.zeros(len(lamps))
+        block = max(1, _RAYS // max(1, on_part.size))
+        for first in range(0, len(lamps), block):
+            of_block = slice(first, first + block)
+            light, length = faces.light(lamps[of_block, None, None])
+            of_part = np.where(on_part, light / length**2, 0.0)
+            brightest[of_block] = of_part.max(axis=(1, 2), initial=0.0)
+        return brightest
+
 
 @dataclass(frozen=True)
 class EntityLight:
@@ -229,8 +243,8 @@ class TargetLight:
         brightest = np.zeros(len(lamps))
         for entity in self.entities:
             if entity.sides is not None:
-                beside = entity.sides.seen(lamps).brighter
-                brightest = np.maximum(brightest, beside[:, entity.usable].max(axis=1, initial=0.0))
+                beside = entity.sides.brightest(lamps, entity.usable)
+                brightest = np.maximum(brightest, beside)
         return brightest / WHITE_SHARE
 
 

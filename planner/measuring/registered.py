@@ -123,8 +123,8 @@ class Faces:
     middle: Array
     scene: RayScene
 
-    def chosen(self, which: NDArray[Any]) -> Faces:
-        """Return some of the places."""
+    def chosen(self, which: Any) -> Faces:
+        """Return some of the places, by an index into the first axes."""
         return replace(self, points=self.points[which], normals=self.normals[which])
 
     def light(self, places: Array) -> tuple[Array, Array]:

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from aspectgraph.files import read_text
 from planner.argument_kinds import POSITIVE, shown
-from planner.exceptions import RobotError
+from planner.camera.calibration_files import tree_of
+from planner.exceptions import CameraError, RobotError
 from planner.robotcell.bodies import Hull, hull_of, read_triangles, round_points
 from planner.robotcell.branches import Branches, Chain
 from planner.robotcell.redundancy import RedundantBranches, branches_of
@@ -99,7 +99,7 @@ class ControllerAxes:
         self.upper = np.full(n_joints, np.inf)
         for axis, low, high in self.limits:
             if not low < high:
-                got = shown([axis, low, high])
+                got = f"{np.degrees(low):g} and {np.degrees(high):g} degrees for axis {axis}"
                 raise RobotError.of_rule(
                     "axis_limits", "must go from a smaller angle to a larger one", got
                 )
@@ -659,11 +659,11 @@ class Robot:
 def _measured_origins(file: Path) -> dict[str, Any]:
     """Return the origins of joints by name that a calibration file holds."""
     try:
-        data = yaml.safe_load(read_text(file))
+        data = tree_of(file, read_text(file))
     except OSError as error:
         got = f"{str(file)!r}: {error.strerror}"
         raise RobotError.of_rule("calibration", "must be a file that can be read", got) from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError):
+    except (CameraError, UnicodeDecodeError):
         raise RobotError.of_rule("calibration", "must be YAML", repr(str(file))) from None
     kinematics = data.get("kinematics") if isinstance(data, dict) else None
     # the digest of the arm is among its joints

@@ -22,6 +22,9 @@ NO_CAMERA_BODY = (
 )
 """What a user must know of a cell without the outside of its camera."""
 
+LEAST_MM = 1.0
+"""Least size of a housing or a lens: what is smaller is stated in metres."""
+
 
 @cache
 def camera_body_parts() -> dict[str, dict[str, dict[str, Any]]]:
@@ -116,7 +119,7 @@ class CameraBody:
             size = getattr(self, name)
             if isinstance(size, str):
                 size = _facts(name, size)["size_mm"]
-            object.__setattr__(self, name, _lengths(name, size, count, positive=True))
+            object.__setattr__(self, name, _lengths(name, size, count, LEAST_MM))
         object.__setattr__(self, "nodal_mm", check_number("nodal_mm", self.nodal_mm, NOT_NEGATIVE))
 
     def bodies(self) -> tuple[Body, ...]:
@@ -147,19 +150,22 @@ def _solid(points: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
     return hull.corners, hull.triangles
 
 
-def _lengths(name: str, value: Any, count: int, *, positive: bool = False) -> tuple[float, ...]:
-    """Return so many finite numbers, or raise."""
-    kind = "positive" if positive else "finite"
-    rule = f"must be {count} {kind} numbers, mm"
+def _lengths(name: str, value: Any, count: int, least: float = -np.inf) -> tuple[float, ...]:
+    """Return so many finite numbers, none below the least, or raise."""
+    rule = f"must be {count} finite numbers, mm"
+    if least > 0:
+        rule = f"must be {count} numbers of at least {least:g} mm"
     is_sequence = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
     if not is_sequence or len(value) != count:
         raise RobotError.of_rule(name, rule, shown(value))
-    try:
-        numbers = tuple(float(number) for number in value)
-    except (TypeError, ValueError):
-        raise RobotError.of_rule(name, rule, shown(value)) from None
-    if not np.isfinite(numbers).all() or (positive and min(numbers) <= 0):
+    if not all(isinstance(number, int | float | np.number) for number in value):
         raise RobotError.of_rule(name, rule, shown(value))
+    numbers = tuple(float(number) for number in value)
+    if any(isinstance(number, bool) for number in value) or not np.isfinite(numbers).all():
+        raise RobotError.of_rule(name, rule, shown(value))
+    if min(numbers) < least:
+        hint = "are they in m?" if min(numbers) > 0 else ""
+        raise RobotError.of_rule(name, rule, shown(value), hint=hint)
     return numbers
 
 

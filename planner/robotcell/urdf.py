@@ -664,9 +664,7 @@ def calibrated_text(
     moving = [joint for joint in chain if joint.get("type") != "fixed"]
     for name, values in (origins or {}).items():
         parameter = f"calibration: {name}"
-        measured = from_plain(MeasuredOrigin, values, RobotError, parameter)
-        xyz = np.array([measured.x, measured.y, measured.z])
-        pose = from_rpy(_MM * xyz, np.array([measured.roll, measured.pitch, measured.yaw]))
+        pose = _measured_pose(parameter, values)
         joint = _joint_called(name, moving)
         _check_near(parameter, pose, _origin(joint))
         _set_origin(joint, pose)
@@ -675,12 +673,27 @@ def calibrated_text(
         raise RobotError.of_rule("joint_offsets", rule, f"{len(joint_offsets)}")
     for joint, offset in zip(moving, joint_offsets, strict=False):
         if not abs(offset) <= _FAR_RAD:
-            rule = f"must be at most {_FAR_RAD:g} rad"
-            raise RobotError.of_rule("joint_offsets", rule, f"{offset:g}")
+            rule = f"must be at most {_FAR_RAD:g} rad, {math.degrees(_FAR_RAD):.3g} degrees"
+            got = f"{offset:g} rad, {math.degrees(offset):g} degrees"
+            raise RobotError.of_rule("joint_offsets", rule, got)
         turn = np.eye(4)
         turn[:3, :3] = about(_axis_of(joint), float(offset))
         _set_origin(joint, compose(_origin(joint), turn))
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _measured_pose(parameter: str, values: Any) -> np.ndarray:
+    """Return the pose (4, 4) that an entry of a calibration states, mm."""
+    if not isinstance(values, Mapping):
+        rule = "must hold x, y, z, roll, pitch and yaw"
+        raise RobotError.of_rule(parameter, rule, shown(values))
+    try:
+        measured = from_plain(MeasuredOrigin, values, RobotError)
+    except RobotError as error:
+        name = f"{parameter}: {error.parameter}"
+        raise RobotError.of_rule(name, error.rule, error.got) from None
+    xyz = np.array([measured.x, measured.y, measured.z])
+    return from_rpy(_MM * xyz, np.array([measured.roll, measured.pitch, measured.yaw]))
 
 
 def _joint_called(name: str, joints: Sequence[ElementTree.Element]) -> ElementTree.Element:
@@ -749,18 +762,14 @@ def to_rpy(pose: np.ndarray) -> tuple[float, float, float]:
 
 
 COLLADA = ".dae"
-_UP = {
-    "X_UP": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
-    "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
-    "Z_UP": np.eye(3),
-}
 _DEEPEST = 100
 
 
 def collada_points(data: bytes, file: str) -> np.ndarray:
-    """Return the corners of a file of COLLADA, with z up, m.
+    """Return the corners of a file of COLLADA in the frame of its link, m.
 
-    The unit and the upper axis of the file are applied, as the tools of ROS do.
+    The unit of the file is applied, and its upper axis is not, as in RViz (``rviz/mesh_loader.cpp``): a URDF that
+    looks right there has its meshes turned by nothing but their nodes.
 
     Parameters
     ----------
@@ -787,16 +796,12 @@ def collada_points(data: bytes, file: str) -> np.ndarray:
         raise RobotError.of_rule("urdf", "must hold the element COLLADA in .dae files", file)
     unit = root.find("asset/unit")
     metre = 1.0 if unit is None else _numbers(unit.get("meter", "1"), 1, f"unit of {file}")[0]
-    axis = root.findtext("asset/up_axis", "Y_UP").strip()
-    if axis not in _UP:
-        raise RobotError.of_rule("urdf", f"must have {', '.join(_UP)} as up_axis in {file}", axis)
     ids = {element.get("id", ""): element for element in root.iter() if element.get("id")}
     scene = ids.get(_target(root.find("scene/instance_visual_scene")))
     points = [] if scene is None else list(_scene_points(scene, np.eye(4), ids, file, 0))
     if not points:
         raise RobotError.of_rule("urdf", "must have a scene with geometry in .dae files", file)
-    corners = np.unique(np.concatenate(points), axis=0)
-    return np.asarray(metre * np.einsum("ij,nj->ni", _UP[axis], corners))
+    return np.asarray(metre * np.unique(np.concatenate(points), axis=0))
 
 
 def _target(element: ElementTree.Element | None) -> str:

@@ -15,15 +15,14 @@ from datetime import date
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.argument_kinds import shown
-from planner.exceptions import RequestError
 from planner.robotprogram.program import FixturedTour, RobotProgram
 from planner.robotprogram.program_steps import (
     SILENT,
+    SLOW_PERCENT,
     STILL_READY,
+    ZEROS,
     CameraSignals,
     Drive,
-    check_six_axes,
     head_lines,
     home_words,
     plain,
@@ -41,12 +40,8 @@ _MESSAGE = 24
 _DECIMALS = 3
 # a position register and a register that the check of home overwrites
 _REGISTER = 90
-# hundredths of a second that a wait may last, and seconds that a pulse may
-_MOST_WAIT = 32767
-_MOST_PULSE_S = 25.5
 # whole milliseconds of a move, then tenths of seconds
 _MOST_MSEC = 32000
-_SLOW_PERCENT = 1
 
 
 class _Statements:
@@ -96,14 +91,7 @@ def fanuc_text(program: RobotProgram, signals: CameraSignals, made: date) -> str
         Trigger and answer of the camera. Waits are rounded up to 0.01 s, and the trigger to 0.1 s.
     made : date
         The day, for the head.
-
-    Raises
-    ------
-    RequestError
-        If the arm has seven joints, or a time is longer than the controller can wait.
     """
-    check_six_axes(program, "fanuc")
-    _check_times(signals)
     statements = _Statements()
     for line in (*head_lines(program, made, wpr_words), *_axes_lines(program)):
         statements.remark(line)
@@ -121,18 +109,8 @@ def wpr_words(pose: np.ndarray) -> str:
     return f"X {x:.2f}, Y {y:.2f}, Z {z:.2f} mm, W {w:.3f}, P {p:.3f}, R {r:.3f} degrees"
 
 
-def _check_times(signals: CameraSignals) -> None:
-    for name, value, limit in (
-        ("timeout_s", signals.timeout_s, _MOST_WAIT / 100),
-        ("pulse_s", signals.pulse_s, _MOST_PULSE_S),
-    ):
-        if value > limit:
-            rule = f"must be at most {limit:g} s for fanuc"
-            raise RequestError.of_rule(name, rule, shown(value))
-
-
 def _axes_lines(program: RobotProgram) -> Iterator[str]:
-    yield "Compare signs and zeros of the axes with the robot before you drive."
+    yield ZEROS
     if not any(axis == 3 for axis, _, _ in program.controller.coupled):
         yield (
             "J3 is joint 3 of the URDF. Controllers of FANUC count J3 from the horizon: if yours does, state "
@@ -200,7 +178,7 @@ def _add_round(
     words = f"Put the part in fixturing {name}, then start again. {home_words(program, wpr_words)}"
     statements.ask("Put in the part", words.rstrip())
     _check_home(statements, home, math.degrees(program.start.tolerance_rad))
-    statements.move(home, f"{_SLOW_PERCENT}%")
+    statements.move(home, f"{SLOW_PERCENT}%")
     for step in steps_of(tour, program):
         if isinstance(step, Drive):
             statements.move(step.axes, _duration(step.seconds))

@@ -43,6 +43,9 @@ LEAST_RATE = 1e-4
 # controllers count milliseconds; a pulse of RAPID lasts 2000 s at most
 LEAST_S = 0.001
 _MOST_S = {"settle_s": 3600.0, "pulse_s": 2000.0, "timeout_s": 3600.0}
+# of these languages. FANUC counts hundredths of seconds of waits in 16 bits, tenths of pulses in 8
+_MOST_S_OF = {"fanuc": {"settle_s": 327.67, "pulse_s": 25.5, "timeout_s": 327.67}}
+_SIGNALS_OF = {"urscript": (0, 7), "krl": (1, 4096), "fanuc": (1, 4096)}
 
 # how often controllers look at the camera's answer, s
 POLL_S = 0.012
@@ -58,6 +61,9 @@ SIX_AXES = 6
 PoseNotation = Callable[[np.ndarray], str]
 """Writes a pose (4, 4) in the words of a controller."""
 
+ZEROS = "Compare signs and zeros of the axes with the robot before you drive."
+SLOW_PERCENT = 1
+"""Of the axes' speeds on the way to home, which is not proven, where a language has a share of them."""
 CAUTION = "Run at reduced speed first. Checked against the model of the cell only."
 
 
@@ -149,6 +155,61 @@ def check_program_speed(speed: float, language: str) -> None:
     if speed < slowest:
         rule = f"must be at least {slowest:g} for {language}"
         raise RequestError.of_rule("speed", rule, f"{speed:g}")
+
+
+def check_signals(signals: CameraSignals, language: str) -> None:
+    """Refuse signals that a language does not have, and times that its controllers cannot wait.
+
+    Parameters
+    ----------
+    signals : CameraSignals
+        Trigger and answer of the camera.
+    language : str
+        Name of the format.
+
+    Raises
+    ------
+    RequestError
+        If a number or a time is beyond what the language has.
+    """
+    for name, longest in _MOST_S_OF.get(language, {}).items():
+        seconds = getattr(signals, name)
+        if seconds > longest:
+            rule = f"must be at most {longest:g} s for {language}"
+            raise RequestError.of_rule(name, rule, shown(seconds))
+    if language in _SIGNALS_OF:
+        first, last = _SIGNALS_OF[language]
+        for name in ("trigger_output", "ready_input"):
+            number = getattr(signals, name)
+            if not first <= number <= last:
+                rule = f"must be from {first} to {last} for {language}"
+                raise RequestError.of_rule(name, rule, f"{number}")
+
+
+def check_axes(language: str, n_joints: int, *, turns: bool) -> None:
+    """Refuse axes that a language does not drive.
+
+    Parameters
+    ----------
+    language : str
+        Name of the format.
+    n_joints : int
+        Number of the arm's joints.
+    turns : bool
+        Whether the part lies on a turntable.
+
+    Raises
+    ------
+    RequestError
+        If the arm has seven joints, or a turntable is to turn with it, and the language has no axis for it.
+    """
+    if n_joints > SIX_AXES and language in ("urscript", "krl", "fanuc"):
+        rule = f"must be rapid, ros, csv or json for an arm of {n_joints} joints"
+        raise RequestError.of_rule("format", rule, repr(language))
+    if turns and language == "urscript":
+        rule = "must be rapid, krl, fanuc, ros, csv or json for a part on a turntable"
+        hint = "URScript drives no external axis together with the joints"
+        raise RequestError.of_rule("format", rule, repr(language), hint=hint)
 
 
 def time_text(seconds: float) -> str:
@@ -307,13 +368,12 @@ def _turntable_lines(program: RobotProgram) -> Iterator[str]:
 def pendant_lines(program: RobotProgram, notation: PoseNotation) -> Iterator[str]:
     """Yield what the pendant shows at home and at the first setting if the robot is as its model."""
     frame = "base of the URDF" if program.pendant is None else "link 'base' of the URDF"
-    shown_in = np.eye(4) if program.pendant is None else invert(program.pendant)
     yield f"Set no tool and no work object. Poses of the flange in the {frame}, to compare with the pendant:"
     if program.home_flange is not None:
-        yield f"  home: {notation(compose(shown_in, program.home_flange))}"
+        yield f"  home: {notation(_on_pendant(program, program.home_flange))}"
     for tour in program.tours[:1]:
         stop = tour.stops[0]
-        yield f"  setting {stop.setting_idx + 1}: {notation(compose(shown_in, stop.flange))}"
+        yield f"  setting {stop.setting_idx + 1}: {notation(_on_pendant(program, stop.flange))}"
     yield "If they differ, then mastering, the base or the tool differ from the model: do not drive."
 
 
@@ -321,8 +381,14 @@ def home_words(program: RobotProgram, notation: PoseNotation) -> str:
     """Return what the pendant shows at home, for the message at the start of a round; empty if that is not known."""
     if program.home_flange is None:
         return ""
-    shown_in = np.eye(4) if program.pendant is None else invert(program.pendant)
-    return f"{AT_HOME} {notation(compose(shown_in, program.home_flange))}."
+    return f"{AT_HOME} {notation(_on_pendant(program, program.home_flange))}."
+
+
+def _on_pendant(program: RobotProgram, flange: np.ndarray) -> np.ndarray:
+    """Return a pose (4, 4) of the flange in the base as the pendant shows it."""
+    if program.pendant is None:
+        return flange
+    return compose(invert(program.pendant), flange)
 
 
 def quaternion_words(pose: np.ndarray) -> str:
@@ -366,10 +432,3 @@ def _number(value: float, decimals: int) -> str:
     text = f"{value:.{decimals}f}"
     # no controller needs to read -0
     return text.removeprefix("-") if float(text) == 0.0 else text
-
-
-def check_six_axes(program: RobotProgram, language: str) -> None:
-    """Raise if an arm has more joints than a language drives."""
-    if len(program.joint_names) > SIX_AXES:
-        rule = f"must be rapid, ros, csv or json for an arm of {len(program.joint_names)} joints"
-        raise RequestError.of_rule("format", rule, repr(language))

@@ -40,12 +40,15 @@ from planner.robotprogram.program_steps import (
     POLL_S,
     SILENT,
     SIX_AXES,
+    SLOW_PERCENT,
     STILL_READY,
+    ZEROS,
     CameraSignals,
     Drive,
     ImageStep,
+    check_axes,
     check_program_speed,
-    check_six_axes,
+    check_signals,
     degrees,
     euler_words,
     head_lines,
@@ -63,48 +66,7 @@ from planner.robotprogram.program_steps import (
 # KRL for KUKA controllers: point-to-point moves by axis angles.
 
 
-_SLOW_PERCENT = 1
-
-
 _KRL_NAME = "inspection"
-# languages whose programs have the name of their file, and its longest
-_NAMED_AS_FILES = {"krl": 24, "fanuc": MOST_FANUC_LETTERS}
-
-
-def format_of_file(path: Path, format: str | None, parameter: str) -> str:
-    """Return the language of a program by its file, or check that both agree.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    format : str or None
-        As for `program_text`; None takes that of the suffix.
-    parameter : str
-        What the caller knows the file as.
-
-    Raises
-    ------
-    RequestError
-        If the suffix is unknown or that of another language, or the language does not allow the file's name.
-    """
-    of_suffix = _BY_SUFFIX.get(path.suffix.lower())
-    if format is None and of_suffix is None:
-        rule = f"must end in {', '.join(_BY_SUFFIX)}, or the format must be given"
-        raise RequestError.of_rule(parameter, rule, shown(str(path)))
-    language = format or str(of_suffix)
-    usual = Path(FORMATS.get(language, "")).suffix
-    if of_suffix is not None and usual not in ("", path.suffix.lower()):
-        rule = f"must end in {usual} for {language}: {path.suffix} is that of {of_suffix}"
-        raise RequestError.of_rule(parameter, rule, shown(path.name))
-    letters = _NAMED_AS_FILES.get(language)
-    if letters and not re.fullmatch(rf"[A-Za-z_]\w{{0,{letters - 1}}}", path.stem, re.ASCII):
-        rule = (
-            f"must be named by up to {letters} letters, digits and _, not beginning with a digit: "
-            f"a program in {language} has the name of its file"
-        )
-        raise RequestError.of_rule(parameter, rule, shown(path.name))
-    return language
 
 
 def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
@@ -118,18 +80,12 @@ def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
         Trigger and answer of the camera.
     made : date
         The day, for the head.
-
-    Raises
-    ------
-    RequestError
-        If the arm has seven joints, which KRL does not drive.
     """
-    check_six_axes(program, "krl")
     percent = max(1, math.floor(100 * program.speed + 1e-9))
     lines = [
         f"DEF {_KRL_NAME}( )",
         *(f"; {line}" for line in head_lines(program, made, euler_words)),
-        "; Compare signs and zeros of the axes with the robot before you drive.",
+        f"; {ZEROS}",
         "; $VEL_AXIS is a share of this controller's speeds, so times differ from those above.",
         "INT i",
         "BAS(#INITMOV,0)",
@@ -169,7 +125,7 @@ def _round(tour: FixturedTour, program: RobotProgram, percent: int) -> list[str]
         f"; {home_words(program, euler_words)}",
         "HALT",
         *_home_check(home, tolerance_deg(program)),
-        *_speeds(_SLOW_PERCENT, program.turns),
+        *_speeds(SLOW_PERCENT, program.turns),
         f"PTP {_axes(home)}",
         *_speeds(percent, program.turns),
     ]
@@ -613,18 +569,7 @@ def urscript_text(program: RobotProgram, signals: CameraSignals, made: date) -> 
         Trigger and answer of the camera.
     made : date
         The day, for the head.
-
-    Raises
-    ------
-    RequestError
-        If the part lies on a turntable, which URScript does not drive together with the joints, or
-        the arm has seven joints.
     """
-    check_six_axes(program, "urscript")
-    if program.turns:
-        rule = "must be rapid, krl, fanuc, ros, csv or json for a part on a turntable"
-        hint = "URScript drives no external axis together with the joints"
-        raise RequestError.of_rule("format", rule, "'urscript'", hint=hint)
     lines = [
         *(f"# {line}" for line in head_lines(program, made, rotation_vector_words)),
         "# Send it as a whole to port 30002, or load it as a script file and call inspection().",
@@ -770,6 +715,46 @@ _BY_SUFFIX = {
 }
 
 
+# languages whose programs have the name of their file, and its longest
+_NAMED_AS_FILES = {"krl": 24, "fanuc": MOST_FANUC_LETTERS}
+
+
+def format_of_file(path: Path, format: str | None, parameter: str) -> str:
+    """Return the language of a program by its file, or check that both agree.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    format : str or None
+        As for `program_text`; None takes that of the suffix.
+    parameter : str
+        What the caller knows the file as.
+
+    Raises
+    ------
+    RequestError
+        If the suffix is unknown or that of another language, or the language does not allow the file's name.
+    """
+    of_suffix = _BY_SUFFIX.get(path.suffix.lower())
+    if format is None and of_suffix is None:
+        rule = f"must end in {', '.join(_BY_SUFFIX)}, or the format must be given"
+        raise RequestError.of_rule(parameter, rule, shown(str(path)))
+    language = format or str(of_suffix)
+    usual = Path(FORMATS.get(language, "")).suffix
+    if of_suffix is not None and usual not in ("", path.suffix.lower()):
+        rule = f"must end in {usual} for {language}: {path.suffix} is that of {of_suffix}"
+        raise RequestError.of_rule(parameter, rule, shown(path.name))
+    letters = _NAMED_AS_FILES.get(language)
+    if letters and not re.fullmatch(rf"[A-Za-z_]\w{{0,{letters - 1}}}", path.stem, re.ASCII):
+        rule = (
+            f"must be named by up to {letters} letters, digits and _, not beginning with a digit: "
+            f"a program in {language} has the name of its file"
+        )
+        raise RequestError.of_rule(parameter, rule, shown(path.name))
+    return language
+
+
 def program_text(
     program: RobotProgram,
     format: str,
@@ -799,7 +784,7 @@ def program_text(
     ------
     RequestError
         If the format is unknown, an argument has the wrong type, or the language cannot say the
-        program's speed.
+        program's speed, a signal or a wait, or does not drive an axis.
 
     Examples
     --------
@@ -816,7 +801,9 @@ def program_text(
         rule = f"must be one of {', '.join(_WRITERS)}"
         raise RequestError.of_rule("format", rule, shown(format))
     check_program_speed(program.speed, format)
+    check_axes(format, len(program.joint_names), turns=program.turns)
     chosen = CameraSignals() if signals is None else signals
+    check_signals(chosen, format)
     return _WRITERS[format](program, chosen, date.today() if made is None else made)
 
 

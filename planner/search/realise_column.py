@@ -528,9 +528,10 @@ class Promises:
         excess = {n: self._excess[pose, n, setting.probability[n]] for n in setting.entities}
         return {name: too_much for name, too_much in excess.items() if too_much > 0.0}
 
-    def largest_bound(self, name: str) -> float:
-        """Return the largest bound of P_all that was counted for an entity at any pose; 0 without one."""
-        return max((p for (_, of), (p, _) in self._bounds.items() if of == name), default=0.0)
+    def bound(self, cam2world: np.ndarray, name: str) -> float:
+        """Return the bound of P_all that was counted for an entity at a pose (4, 4); 0 without one."""
+        p_all, _ = self._bounds.get((cam2world.tobytes(), name), (0.0, 0))
+        return p_all
 
     def with_bounds(self, setting: SensorSetting) -> SensorSetting:
         """Return a setting that states the P_all that was counted for its entities."""

@@ -202,6 +202,8 @@ class ShortTargets:
             for setting in as_simulated(run, [without(run.problem, candidate, others)]):
                 unserved &= ~np.isin(run.names, setting.entities)
                 proposed.append(setting)
+            for name in run.names_of(served):
+                self._reach(name, run.promises.bound(candidate.cam2world, name))
         return proposed
 
     def _own_settings(self) -> list[SensorSetting]:
@@ -285,8 +287,7 @@ def settle(
         return centre_all(run, some, centring)
 
     missing = run.names_of(inspected & ~counted.inspected)
-    best = {name: run.promises.largest_bound(name) for name in missing}
-    settled = _without_short(run, [*there, *centre(settings)], centre, best)
+    settled = _without_short(run, [*there, *centre(settings)], centre, missing)
     return settled._replace(settings=without_spare(run, settled.settings, centre))
 
 
@@ -358,12 +359,12 @@ def _without_short(
     run: SearchRun,
     settings: Sequence[SensorSetting],
     centre: Centre | None = None,
-    others: Mapping[str, float] | None = None,
+    others: Sequence[str] = (),
 ) -> Settled:
     """Take from settings the targets that lack the required P_all there; return why some are in none any more.
 
     Where it is said how settings are moved off their limits, these are tried again before they are given up, and so are
-    others that no setting contains, with the largest P_all found of each.
+    others that no setting contains.
     """
     threshold = min(run.problem.probability, MOST_REQUIRED)
     short = [{n for n, p in setting.p_all.items() if p < threshold} for setting in settings]
@@ -372,7 +373,7 @@ def _without_short(
         for setting, missing in zip(settings, short, strict=True)
     ]
     entities = {name for setting in fewer for name in setting.entities}
-    reached = dict(others or {})
+    reached = dict.fromkeys(others, 0.0)
     for setting, missing in zip(settings, short, strict=True):
         for name in missing - entities:
             reached[name] = max(setting.p_all[name], reached.get(name, 0.0))
@@ -785,7 +786,7 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
             lighting,
             draft,
             run.problem.space.solid,
-            run.callbacks.silent.report,
+            run.callbacks.report,
             reads=run.problem.reads,
             executor=run.executor,
         ),
@@ -812,7 +813,7 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
             lighting,
             plan,
             run.problem.space.solid,
-            run.callbacks.silent.report,
+            run.callbacks.report,
             places,
             run.problem.reads,
             run.executor,

@@ -447,6 +447,22 @@ def test_links_without_bodies_are_told_with_every_table_and_program(tmp_path, ca
             "--post-heights must be given with --table",
         ),
         (
+            [
+                PLAN_REACH_COMMAND,
+                PART_REACH_COMMAND,
+                "--cell",
+                "CELL",
+                "--place",
+                "--table=table",
+                "--post-heights=-5",
+            ],
+            "--post-heights must be finite and not negative. Got -5",
+        ),
+        (
+            [PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", "CELL", "--place", "--ways", "3"],
+            "--ways must be at most 2. Got 3",
+        ),
+        (
             [PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", "CELL", "--place", "--table", "x"],
             "--table must be an obstacle of the cell or of its first fixturing",
         ),

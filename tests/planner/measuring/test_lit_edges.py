@@ -141,6 +141,19 @@ def test_what_is_overexposed_registers_nothing(plan, reads):
     assert shares[3] == 0.0
 
 
+def test_the_brightest_is_that_of_all_that_is_seen(plan, reads):
+    """The rays to the nearest places alone, and those to all places, some of which do not count."""
+    for target in plan.targets.values():
+        for entity in reads.of_target(POSES[0], CAMERA, target, 0.0).entities:
+            some = np.arange(len(entity.usable)) % 3 > 0
+            beside = entity.sides.seen(LAMPS).brighter
+            assert beside.max() > 0.0
+            brightest = entity.sides.brightest(LAMPS, some)
+            np.testing.assert_array_equal(brightest, beside[:, some].max(axis=1))
+            none = np.zeros_like(some)
+            np.testing.assert_array_equal(entity.sides.brightest(LAMPS, none), 0.0)
+
+
 def test_what_is_too_dark_for_the_exposure_is_not_found():
     """Contrast is not enough: an edge at three times the distance has a ninth of the light."""
     sides = np.array([[[9.0, 1.0, 1.0], [0.0, 0.9, 0.99]]])

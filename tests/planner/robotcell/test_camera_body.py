@@ -111,8 +111,11 @@ def test_a_cell_file_states_its_camera(tmp_path):
     assert read.to_dict()["parts"][name] == made.to_dict()["parts"][name]
     wrong = {
         'housing = "basler-ac"': "camera.housing must be a housing of the catalogue.*nearest",
-        "housing = [1, 2]": "camera.housing must be 3 positive numbers, mm",
-        "housing = [1, 2, -3]": "camera.housing must be 3 positive numbers",
+        "housing = [1, 2]": "camera.housing must be 3 numbers of at least 1 mm",
+        "housing = [1, 2, -3]": r"camera.housing must be 3 numbers .* Got \[1, 2, -3\]\.$",
+        "housing = [0.04, 0.03, 0.05]": r"camera.housing must be 3 numbers .*; are they in m\?$",
+        "housing = [true, 30, 50]": "camera.housing must be 3 numbers of at least 1 mm",
+        'housing = ["40", "30", "50"]': "camera.housing must be 3 numbers of at least 1 mm",
     }
     for line, message in wrong.items():
         path.write_text(text.replace("housing = [40, 30, 50]", line), encoding="utf-8")

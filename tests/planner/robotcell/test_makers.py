@@ -1,6 +1,7 @@
 """An arm of each maker, in its proportions: joints of poses by independent matrices, and a program that drives it."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -146,6 +147,17 @@ def test_a_calibrated_arm_is_solved_on_its_own_lengths(tmp_path):
     assert refound == bent.sum() > 20
 
 
+def test_a_number_of_a_calibration_needs_no_point(tmp_path):
+    """YAML 1.2 has numbers such as 1e-05, which YAML 1.1 took as words."""
+    calibrated_ur(tmp_path, joint_poses("ur5e"))
+    path = tmp_path / "calibration.yaml"
+    text = re.sub(r"yaw: \S+", "yaw: 1e-05", path.read_text("utf-8"), count=1)
+    path.write_text(text, encoding="utf-8")
+    robot = Robot.from_urdf(tmp_path / "ur5e.urdf", calibration=path)
+    turned = made_arm("ur5e").forward(np.array([1e-5, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    np.testing.assert_allclose(robot.forward(np.zeros(6)), turned, atol=1e-9)
+
+
 def test_joints_that_are_off_lead_where_the_arm_is(tmp_path):
     nominal = made_arm("ur5e")
     offsets = np.radians([0.1, -0.2, 0.05, 0.3, -0.1, 0.2])
@@ -173,6 +185,7 @@ def test_a_calibration_that_is_none_is_refused(tmp_path):
         text.replace("roll", "rol", 1): r"calibration: shoulder: rol ",
         "shoulder: {x: 0}": r"calibration must hold the mapping kinematics",
         "kinematics: [": r"calibration must be YAML",
+        "kinematics: {shoulder: 3}": r"calibration: shoulder must hold x, y, z, roll, pitch and yaw",
     }
     for content, message in wrong.items():
         path.write_text(content, encoding="utf-8")

@@ -403,7 +403,7 @@ def test_a_program_of_fanuc_runs_as_a_whole():
 
 
 def test_times_that_fanuc_cannot_wait_are_refused():
-    for name, value in (("timeout_s", 328.0), ("pulse_s", 25.6)):
+    for name, value in (("timeout_s", 328.0), ("pulse_s", 25.6), ("settle_s", 327.68)):
         with pytest.raises(RequestError, match=f"{name} must be at most .* s for fanuc"):
             program_text(program(), "fanuc", signals=CameraSignals(**{name: value}))
     short = CameraSignals(settle_s=0.001, pulse_s=0.001, timeout_s=0.001)
@@ -412,6 +412,21 @@ def test_times_that_fanuc_cannot_wait_are_refused():
     assert "PULSE,0.1sec" in written
     assert "$WAITTMOUT=1 " in written
     assert "(sec)" not in program_text(program(), "fanuc", signals=CameraSignals(settle_s=0.0))
+
+
+@pytest.mark.parametrize(
+    ("language", "least", "most"), [("urscript", 0, 7), ("krl", 1, 4096), ("fanuc", 1, 4096)]
+)
+def test_signals_that_a_controller_has_not_are_refused(language, least, most):
+    for number in (least - 1, most + 1):
+        if not 0 <= number <= 4096:
+            continue
+        for name in ("trigger_output", "ready_input"):
+            with pytest.raises(RequestError, match=f"{name} must be from .* for {language}"):
+                program_text(program(), language, signals=CameraSignals(**{name: number}))
+    for number in (least, most):
+        signals = CameraSignals(trigger_output=number, ready_input=number)
+        assert program_text(program(), language, signals=signals)
 
 
 @pytest.mark.parametrize(

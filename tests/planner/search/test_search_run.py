@@ -33,7 +33,7 @@ from planner.resume import PlanningState
 from planner.search import stages
 from planner.search import stages as prove_bound
 from planner.search import stages as settle
-from planner.search.columns import Pools
+from planner.search.columns import ColumnPool, Pools
 from planner.search.incumbents import Incumbents, PlanState, SearchRun, empty_pools
 from planner.search.plan_setting import setting_at
 from planner.search.stages import ShortTargets, _without_short, without_spare
@@ -362,6 +362,14 @@ def test_a_plan_ends_at_its_limit_and_without_one_the_search_soon_after(monkeypa
     clock[0] += 0.2
     with pytest.raises(TimeIsUpError):
         short.check()
+    # a longer one ends with whatever plan there is
+    kept = Deadline(time_limit_s=20.0, begun=clock[0]).of_search()
+    clock[0] += 15.9
+    kept.arm_soon()
+    kept.check()
+    clock[0] += 0.2
+    with pytest.raises(TimeIsUpError):
+        kept.check()
     assert Deadline().of_regions() == math.inf
     assert not Deadline().of_search().limited
 
@@ -507,6 +515,32 @@ def test_a_search_that_finds_nothing_leaves_the_reason_as_it_is():
     settled = _without_short(run, [stated(run, BEFORE, {BACK: 0.5})], never)
     assert settled.settings == []
     assert "reaches P_all = 0.5000" in settled.lost[BACK]
+
+
+def test_a_reason_does_not_depend_on_what_was_counted_for_plans_on_the_way(monkeypatch):
+    """How many of these are counted is a matter of the clock, and a resumed run has counted none."""
+
+    def bounds(judge, pose, names, seed):
+        return dict.fromkeys(names, (pose[0, 3] / 100.0, 1000))
+
+    monkeypatch.setattr("planner.search.realise_column.promised_too_much", lambda *_: {})
+    monkeypatch.setattr("planner.search.realise_column.joint_bounds", bounds)
+    nothing = Outcome(reason=Reason.of(ReasonKind.UNOBSERVABLE, "nothing."))
+    column = np.array([name == BACK for name in NAMES_RETRY])
+    pose = look_at([[60.0, 40.0, 460.0]], [60.0, 40.0, 60.0])
+    elsewhere = look_at([[70.0, 40.0, 460.0]], [60.0, 40.0, 60.0])[0]
+    reasons = []
+    for on_the_way in ([], [elsewhere]):
+        run = run_of()
+        run.memo.put((BACK,), nothing)
+        run.pool.add(column[None], pose, np.full((1, len(NAMES_RETRY)), 0.95))
+        for other in on_the_way:
+            assert run.promises.contradicted_in(setting_at(run.problem, other, (BACK,), ""))
+        settled = settle.settle(run, column, ColumnPool(len(NAMES_RETRY)))
+        assert settled.settings == []
+        reasons.append(settled.lost[BACK])
+    assert reasons[0] == reasons[1]
+    assert "reaches P_all = 0.6000, below the required 0.9." in reasons[0]
 
 
 @pytest.mark.parametrize(("retried", "tries"), [(1, 1), (3, 3), (8, 5)])
