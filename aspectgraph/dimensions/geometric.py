@@ -236,7 +236,8 @@ def _required_text(requirement: ModelDimension | GeometricTolerance) -> str:
         texts.append(requirement.tolerance_class)
     if requirement.tolerance is not None:
         lower, upper = requirement.tolerance
-        texts.append(f"{upper:+g}/{lower:+g}")
+        limits = (f"{limit:+g}" if limit else "0" for limit in (upper, lower))
+        texts.append(f"±{upper:g}" if lower == -upper else "/".join(limits))
     return " ".join(texts)
 
 

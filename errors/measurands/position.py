@@ -45,6 +45,9 @@ PARALLEL_RAD = 1e-3
 _SAME = 1e-9
 """Circles that are apart by a smaller share of the largest radius have one axis."""
 
+SAME_MIDDLE_MM = 0.001
+"""Mid-lines of a model that are apart by no more are those of one plane."""
+
 _RADIUS = 2
 """Place of the radius in what is fitted of a circle."""
 
@@ -630,6 +633,19 @@ class WidthPosition(Position):
 @kind("symmetry")
 class Symmetry(WidthPosition):
     """Symmetry 2|e| of a slot or tab, mm: how far its mid-line is off that of the datum's slot or tab."""
+
+    def __init__(
+        self, geometry: tuple[Geometry, ...], direction: Any = None, groups: tuple[int, ...] = ()
+    ):
+        super().__init__(geometry, direction, groups)
+        if len(geometry) == 4:
+            middles = [(line.p + line.q) / 2 for line in geometry if isinstance(line, Line)]
+            apart = middles[0] + middles[1] - middles[2] - middles[3]
+            apart_mm = abs(float(apart @ self.frames[0].y)) / 2
+            if apart_mm > SAME_MIDDLE_MM:
+                raise MeasurandError(
+                    f"a symmetry must have mid-lines in one place of the model. Got ones {apart_mm:.4g} mm apart."
+                )
 
     def _usual_groups(self, others: Sequence[Geometry]) -> tuple[int, ...]:
         return (2,) if len(others) == 2 else super()._usual_groups(others)
