@@ -28,10 +28,12 @@ from planner.measuring.breaks import (
     lit_breaks,
 )
 from planner.measuring.fit import CORRELATION_PX
+from planner.measuring.images import WELL_EXPOSED
 from planner.measuring.measurer import Measurer, witness_key
 from planner.measuring.planned_edges import edges_bias_px
 from planner.measuring.reading import entity_scale, slopes_by_fitted, spacing_of
 from planner.measuring.registered import Faces, Lamp
+from planner.measuring.rehearsal import BLUR_PX, BRIGHT_GROUND, SHADOW_SHARE
 from planner.measuring.samples import BESIDE_PX, PartEdge, across_of, pixels_of
 from planner.measuring.seen_breaks import unseen_mm
 from planner.measuring.verdict import Sampled
@@ -43,19 +45,12 @@ if TYPE_CHECKING:
     from aspectgraph import Solid
     from errors.measurands.geometry import Frame
     from planner.camera.camera import Camera
-    from planner.measuring.images import Shot
     from planner.measuring.samples import Samples
     from planner.plan import InspectionPlan
     from planner.request.targets import Target
 
 Array = NDArray[np.float64]
 
-# grey values, as shares of white: of a face lit frontally, of shadows, and behind the part
-_GAIN = 0.8
-_AMBIENT = 0.04
-_BRIGHT_GROUND = 0.85
-# standard deviation of the blur of lens and pixels
-_BLUR_PX = 0.7
 _MARGIN_PX = 4.0
 # lines of the part that are nearer than this leave a sample out
 _APART_PX = 5.0
@@ -112,11 +107,9 @@ def foreseen_uncertainties(
     if not plan.settings or not plan.dimensions:
         return []
     measurer = Measurer(plan, solid)
-    shots: dict[int, Shot] = {}
-    for shot in measurer.shots:
-        shots.setdefault(shot.setting, shot)
     rows = []
     for number, setting in enumerate(plan.settings):
+        view = _View(measurer, number, _lamp(plan, number, solid))
         for name, planned in measurements(plan, setting).items():
             if name in setting.ends or plan.dimensions[name].measurand.in_image:
                 continue
@@ -126,7 +119,6 @@ def foreseen_uncertainties(
             state = EdgeState.of(
                 plan.dimensions[name].edge_break_mm, edge_break_mm, plan.request.edge_break_mm
             )
-            view = _View(measurer, number, _lamp(plan, number, solid))
             rows.append(_foreseen(view, name, planned, state))
     return rows
 
@@ -175,7 +167,7 @@ def _lamp(plan: InspectionPlan, number: int, solid: Solid) -> Lamp | None:
     eye = np.asarray(plan.settings[number].cam2world, dtype=np.float64)[:3, 3]
     middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
     place = eye
-    ground = _AMBIENT
+    ground = SHADOW_SHARE
     light = plan.light
     registration = plan.request.registration
     if registration is None or registration.method != OWN_EDGES:
@@ -184,12 +176,12 @@ def _lamp(plan: InspectionPlan, number: int, solid: Solid) -> Lamp | None:
     if light is not None:
         if light.area is not None:
             return None
-        ground = _BRIGHT_GROUND if light.ground == "bright" else _AMBIENT
+        ground = BRIGHT_GROUND if light.ground == "bright" else SHADOW_SHARE
         images = light.images[number]
         if images:
             place = np.asarray(light.lamps[list(images[0].lamps)]).mean(axis=0)
     unit = float(np.linalg.norm(place - middle))
-    return Lamp(place, 2.0, unit, _GAIN, _AMBIENT, 0.0, ground)
+    return Lamp(place, 2.0, unit, WELL_EXPOSED, SHADOW_SHARE, 0.0, ground)
 
 
 def _foreseen(view: _View, name: str, planned: Measurement, state: EdgeState) -> Foreseen:
@@ -209,6 +201,7 @@ def _foreseen(view: _View, name: str, planned: Measurement, state: EdgeState) ->
         limit = unseen_mm(plan.camera, view.measurer.model.solid, [view.pose])
         # steps move in proportion to narrow breaks
         wider = COVERAGE * math.sqrt(without + variance * max(limit / state.high_mm, 1.0) ** 2)
+    # not a value that is open anyhow, as of a position, whose nominal value is at its lower limit
     is_open = _is_open(target, wider) and not _is_open(target, total)
     return Foreseen(name, view.number, total, wider, limit, is_open)
 
@@ -315,5 +308,5 @@ def _shift(view: _View, entity: _EntityView, state: EdgeState) -> BreakShift:
         levels = np.where(on_part, faces.shaded(lamp), lamp.background)
         middle = samples.points.mean(axis=0)
         near = Faces(samples.points, breaks.normals[:, 0], pose[:3, 3], middle, scene)
-        breaks = lit_breaks(breaks, samples, lamp, near, levels, _BLUR_PX)
+        breaks = lit_breaks(breaks, samples, lamp, near, levels, BLUR_PX)
     return break_shifts(breaks, entity.edge, entity.frame, points, pose, view.camera, entity.slope)

@@ -58,10 +58,11 @@ BLUR_PX = 0.7
 """Blur of lens and pixels, standard deviation."""
 NOISE_SHARE = 0.005
 """Noise of grey values, standard deviation as a share of white."""
-DARK_SHARE = 0.04
+SHADOW_SHARE = 0.04
 """Grey value behind the part and in shadows, as a share of white."""
+BRIGHT_GROUND = 0.85
+"""Grey value behind the part on a bright ground, as a share of white."""
 
-_BRIGHT_GROUND = 0.85
 _RENDERING = "rendering images"
 # grey value of full exposure, of 8 bits
 _WHITE = 255
@@ -359,11 +360,11 @@ class _Renderer:
         rays = np.column_stack([tangents, np.ones(len(tangents))]) @ pose[:3, :3].T
         eye = pose[:3, 3]
         if light.area is not None:
-            return DARK_SHARE + light.area.held(pose).brightness(self._scene, eye, rays)
+            return SHADOW_SHARE + light.area.held(pose).brightness(self._scene, eye, rays)
         hit = self._scene.cast(eye, rays)
         depth = hit["t_hit"].astype(np.float64)
         met = np.isfinite(depth)
-        shade = np.where(met, DARK_SHARE, light.ground)
+        shade = np.where(met, SHADOW_SHARE, light.ground)
         places = eye + depth[met, None] * rays[met]
         normals = hit["primitive_normals"][met].astype(np.float64)
         normals *= np.where((normals * rays[met]).sum(axis=1) > 0, -1.0, 1.0)[:, None]
@@ -550,10 +551,10 @@ class Rehearsal:
         """Return the lamps of an image."""
         light = self._plan.light
         if light is None:
-            return _Light(pose[None, :3, 3], DARK_SHARE)
+            return _Light(pose[None, :3, 3], SHADOW_SHARE)
         if light.area is not None:
-            return _Light(np.empty((0, 3)), DARK_SHARE, light.area)
-        ground = _BRIGHT_GROUND if light.ground == "bright" else DARK_SHARE
+            return _Light(np.empty((0, 3)), SHADOW_SHARE, light.area)
+        ground = BRIGHT_GROUND if light.ground == "bright" else SHADOW_SHARE
         lit = light.images[shot.setting]
         if not lit:
             # nothing is lit there: any light shows it

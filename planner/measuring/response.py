@@ -89,6 +89,8 @@ _MOST_MISFIT = 0.06
 _TIMES_MISFIT = 2.5
 _DARKEST = 2e-3
 _RIDGE = 1e-9
+# columns of a symmetric step; the next one is what makes it asymmetric
+_SYMMETRIC = 4
 _TUKEY = 4.685
 # of the search for the curve: limits, largest steps, and what is as good as its end
 _POWERS = (0.4, 4.0)
@@ -230,25 +232,21 @@ def fitted_steps(places: Array, light: Array, blur_px: Array, response: Response
     blur = np.clip(np.hypot(blur_px, 0.5), *_BLURS_PX)
     middle = np.zeros(len(light))
     half = np.clip(_HALF * blur, _LEAST_HALF_PX, _MOST_HALF_PX)
+    # a symmetric step is fitted: its middle, and what makes it asymmetric, can hardly be told apart in a few pixels
     for _ in range(_FIT_ROUNDS):
-        t = (places - middle[:, None]) / blur[:, None]
-        counts = (np.abs(places - middle[:, None]) <= half[:, None]).astype(np.float64)
-        density = np.exp(-0.5 * t**2) / math.sqrt(2 * math.pi)
-        step = ndtr(t)
-        design = np.stack(
-            [np.ones_like(step), step, step * (1 - step), density, density * t], axis=2
-        )
-        weighted = (design * counts[..., None]).transpose(0, 2, 1)
-        normal = weighted @ design + _RIDGE * np.eye(5)
-        solution = np.linalg.solve(normal, weighted @ light[..., None])
-        numbers = solution[..., 0]
+        columns, counts = _columns(places, middle, blur, half)
+        numbers = _solved(columns[..., :_SYMMETRIC], counts, light)
         height = np.where(np.abs(numbers[:, 1]) > 1e-9, numbers[:, 1], 1e-9)
         # density and its slope are what a shift and a wider blur change
-        middle = middle + np.clip(-numbers[:, 3] / height * blur, -0.4, 0.4)
-        blur = np.clip(blur * np.clip(1 - numbers[:, 4] / height, 0.7, 1.4), *_BLURS_PX)
-    residual = light - (design @ solution)[..., 0]
+        middle = middle + np.clip(-numbers[:, 2] / height * blur, -0.4, 0.4)
+        blur = np.clip(blur * np.clip(1 - numbers[:, 3] / height, 0.7, 1.4), *_BLURS_PX)
+    # asymmetry and sensitivity are shares of one and the same column at this step
+    columns, counts = _columns(places, middle, blur, half)
+    numbers = _solved(columns, counts, light)
+    height = np.where(np.abs(numbers[:, 1]) > 1e-9, numbers[:, 1], 1e-9)
+    residual = light - (columns @ numbers[..., None])[..., 0]
     misfit = np.sqrt((counts * residual**2).sum(axis=1) / counts.sum(axis=1)) / np.abs(height)
-    asymmetry = numbers[:, 2] / height
+    asymmetry = numbers[:, _SYMMETRIC] / height
     # light is bent at pixels, and what is between them is interpolated after that
     before = np.sqrt(np.maximum(blur**2 - _BETWEEN_PX2, _LEAST_SHARE * blur**2))
     bent = np.zeros((*light.shape, 2))
@@ -257,12 +255,38 @@ def fitted_steps(places: Array, light: Array, blur_px: Array, response: Response
         smooth = np.maximum(numbers[:, :1] + height[:, None] * ndtr(at), _DARKEST)
         bent[..., 0] += share * smooth * np.log(smooth)
         bent[..., 1] += share * _by_black(smooth, response)
-    sensitivity = np.linalg.solve(normal, weighted @ bent)[:, 2] / height[:, None]
+    of_bent = [_solved(columns, counts, bent[..., k])[:, _SYMMETRIC] for k in range(2)]
+    sensitivity = np.stack(of_bent, axis=1) / height[:, None]
     good = inside & (np.abs(middle) < _MOST_OFF_PX) & (misfit < _MOST_MISFIT)
     usual = float(np.median(misfit[good])) if good.any() else 0.0
     good &= misfit < _TIMES_MISFIT * usual
     good &= (blur > _BLURS_PX[0]) & (blur < _BLURS_PX[1]) & (np.abs(asymmetry) < _MOST_ASYMMETRY)
     return Steps(asymmetry, sensitivity, good)
+
+
+def _columns(places: Array, middle: Array, blur: Array, half: Array) -> tuple[Array, Array]:
+    """Return what profiles are made of (n, k, 5), what is asymmetric last, and which places count (n, k).
+
+    Parameters
+    ----------
+    places : array (k,)
+        Places along profiles, px.
+    middle, blur, half : array (n,)
+        Of each step; places count up to ``half`` from its middle, px.
+    """
+    t = (places - middle[:, None]) / blur[:, None]
+    counts = (np.abs(places - middle[:, None]) <= half[:, None]).astype(np.float64)
+    density = np.exp(-0.5 * t**2) / math.sqrt(2 * math.pi)
+    step = ndtr(t)
+    parts = [np.ones_like(step), step, density, density * t, step * (1 - step)]
+    return np.stack(parts, axis=2), counts
+
+
+def _solved(columns: Array, counts: Array, light: Array) -> Array:
+    """Return how much of each column (n, k, c) profiles (n, k) have, by least squares over the places that count."""
+    weighted = (columns * counts[..., None]).transpose(0, 2, 1)
+    normal = weighted @ columns + _RIDGE * np.eye(columns.shape[2])
+    return np.asarray(np.linalg.solve(normal, weighted @ light[..., None])[..., 0])
 
 
 def _by_black(light: Array, response: Response) -> Array:
@@ -294,8 +318,14 @@ class Sections(NamedTuple):
     edges: int
 
     @classmethod
-    def of(cls, steps: Steps, edge: NDArray[np.int64], section: NDArray[np.int64]) -> Sections:
-        """Return the sections of profiles, given the numbers (n,) of the edge and the section of each."""
+    def of(
+        cls,
+        steps: Steps,
+        edge: NDArray[np.int64],
+        section: NDArray[np.int64],
+        phase: Array | None = None,
+    ) -> Sections:
+        """Return the sections of profiles (n,); takes what `estimated_power` takes."""
         good = np.flatnonzero(steps.good)
         order = good[np.lexsort((section[good], edge[good]))]
         ends = np.diff(edge[order]) + np.diff(section[order]) != 0
@@ -317,12 +347,20 @@ class Sections(NamedTuple):
         usual = float(np.median(spread))
         # a few profiles hardly show their own spread
         noise = (np.array(spread) * size + usual * _FEW) / (size + _FEW)
-        sigma = np.sqrt(noise**2 / size + (_OWN_SHARE * usual) ** 2)
+        common = np.full(len(groups), _OWN_SHARE)
+        if phase is not None:
+            # pixels sample all profiles of a section in the same way where an edge runs along them
+            turns = np.exp(2j * math.pi * phase)
+            common = np.hypot(common, [abs(turns[group].mean()) for group in groups])
+        sigma = np.sqrt(noise**2 / size + (common * usual) ** 2)
         return cls(asymmetry, sensitivity, np.maximum(sigma, 1e-6), cluster, len(names))
 
 
 def estimated_power(
-    steps: Steps, edge: NDArray[np.int64], section: NDArray[np.int64]
+    steps: Steps,
+    edge: NDArray[np.int64],
+    section: NDArray[np.int64],
+    phase: Array | None = None,
 ) -> PowerEstimate:
     """Return the power that is left in the light of profiles.
 
@@ -335,8 +373,10 @@ def estimated_power(
         Fitted profiles (n,).
     edge, section : array of int (n,)
         Numbers of the edge of each, the same in all images, and of its section.
+    phase : array (n,), optional
+        Where each step is between pixels, px. Default: anywhere.
     """
-    sections = Sections.of(steps, edge, section)
+    sections = Sections.of(steps, edge, section, phase)
     if sections.edges < FEWEST_EDGES:
         return PowerEstimate(0.0, math.inf, sections.edges)
     fit, covariance = _robust_fit(sections, np.zeros((1, 1)), np.zeros(1))
@@ -455,6 +495,7 @@ class Profiles:
             np.arange(len(self._places)), [len(image_places.edge) for image_places in self._places]
         )
         self._section = section + _SECTIONS * image
+        self._phase = np.concatenate([np.zeros(0), *map(_phase, self._places)])
         self._near = [
             np.flatnonzero(_near(image_places, picture.levels.shape))
             for image_places, picture in zip(self._places, self._pictures, strict=True)
@@ -494,7 +535,7 @@ class Profiles:
         """Return the power that is left in the light of a response, or as images have it."""
         if not len(self._edge):
             return PowerEstimate(0.0, math.inf, 0)
-        return estimated_power(self.steps(response), self._edge, self._section)
+        return estimated_power(self.steps(response), self._edge, self._section, self._phase)
 
     def curve(self) -> Curve | None:
         """Return the response that edges show; None if there is none that explains them."""
@@ -502,14 +543,19 @@ class Profiles:
         black = 0.0
         precision = np.diag([0.0, 1 / BLACK_SD**2])
         covariance = np.zeros((2, 2))
+        step = 0.0
+        share = 1.0
         for _ in range(_SEARCH_ROUNDS):
             steps = self.steps(Response.power(gamma, black))
-            sections = Sections.of(steps, self._edge, self._section)
+            sections = Sections.of(steps, self._edge, self._section, self._phase)
             if sections.edges < FEWEST_EDGES:
                 return None
             expected = np.array([0.0, USUAL_BLACK - black])
             (excess, shift), covariance = _robust_fit(sections, precision, expected)
-            step = min(max(float(excess), -_MOST_STEP), _MOST_STEP)
+            if excess * step < 0:
+                # robust weights jump near the end, and steps would go to and fro
+                share /= 2
+            step = share * min(max(float(excess), -_MOST_STEP), _MOST_STEP)
             gamma = float(np.clip(gamma * math.exp(-step), *_POWERS))
             black = float(np.clip(black + min(max(float(shift), -_SHIFT), _SHIFT), *_BLACKS))
             if abs(step) < _STILL and abs(shift) < _STILL:
@@ -529,6 +575,15 @@ class Profiles:
         )
         slope = (high - low) / (2 * math.log(_SLOPE_TIMES))
         return float(np.clip(slope, _LEAST_SLOPE, 1.0))
+
+
+def _phase(places: Places) -> Array:
+    """Return where edges cross the nearest row of pixels (n,), px; of edges nearer to a row's direction, the column."""
+    rows = np.abs(places.across[:, :1]) >= np.abs(places.across[:, 1:])
+    centres = np.where(rows, places.centres, places.centres[:, ::-1])
+    across = np.where(rows, places.across, places.across[:, ::-1])
+    off = centres[:, 1] - np.round(centres[:, 1])
+    return np.asarray(centres[:, 0] + off * across[:, 1] / across[:, 0])
 
 
 def _near(places: Places, shape: tuple[int, ...]) -> NDArray[np.bool_]:

@@ -519,6 +519,7 @@ def foreseen_table(plan: InspectionPlan, foreseen: Sequence[Foreseen]) -> Table 
     """
     rows: list[list[Any]] = []
     best = surest(foreseen)
+    promised = Promised(plan, [], [])
     for name in (name for name in plan.entities if name in best):
         row = best[name]
         if row.limit_mm <= 0:
@@ -527,14 +528,17 @@ def foreseen_table(plan: InspectionPlan, foreseen: Sequence[Foreseen]) -> Table 
         planned = measurements(plan, setting)[name].expanded_uncertainty
         amounts = (planned, row.expanded_uncertainty, row.unseen_uncertainty)
         open_text = "open" if row.is_open else ""
-        texts = [f"{amount:.2g} {plan.dimensions[name].unit}" for amount in amounts]
-        rows.append([name, [row.setting + 1], f"{setting.promise[name]:.4f}", *texts, open_text])
+        unit = plan.dimensions[name].unit
+        texts = [unbroken(f"{digits_text(amount, 2)} {unit}") for amount in amounts]
+        rows.append(
+            [name, [row.setting + 1], promised.text(setting.promise[name]), *texts, open_text]
+        )
     if not rows:
         return None
     columns = [
         Column("Dimension"),
         Column("Setting", kind="settings"),
-        Column("P", right=True),
+        Column(promised.name, right=True),
         Column("U as planned", right=True),
         Column("U of measure", right=True),
         Column("U with unseen breaks", right=True),

@@ -66,10 +66,13 @@ def video_levels(light):
 class Scene:
     """Steps of light of any direction and contrast, blurred by a Gaussian, with noise, each in a tile of an image.
 
-    ``chamfer_px`` makes the steps double: what is between them has a light of its own, on average that of both.
+    ``chamfer_px`` makes the steps double: what is between them has a light of its own, on average that of both. Of the
+    edges, ``aligned`` run along rows or columns of pixels.
     """
 
-    def __init__(self, seed, levels, bits=8, *, blur=0.76, noise=0.004, chamfer_px=0.0, edges=40):
+    def __init__(
+        self, seed, levels, bits=8, *, blur=0.76, noise=0.004, chamfer_px=0.0, edges=40, aligned=0
+    ):
         rng = np.random.default_rng(seed)
         v, u = np.mgrid[:TILE, :TILE]
         tiles = []
@@ -78,6 +81,8 @@ class Scene:
         names = []
         for k in range(edges):
             turn = rng.uniform(0, 2 * np.pi)
+            if k < aligned:
+                turn = np.pi / 2 * rng.integers(4)
             way = np.array([np.cos(turn), np.sin(turn)])
             low, high = np.sort(rng.uniform(0.03, 0.9, 2))
             high = max(high, low + 0.1)
@@ -272,6 +277,36 @@ def test_in_light_nothing_is_left_within_the_stated_deviation(levels, response):
 def test_a_curve_is_never_taken_for_light(levels, response):
     for seed in range(6):
         assert is_clear(Scene(seed, levels).power(LINEAR))
+
+
+@pytest.mark.parametrize("blur", [0.5, 0.6, 0.76])
+def test_steps_along_pixel_rows_have_the_sensitivity_of_convex_l_ln_l(blur):
+    # L ln L is convex: below the chord of a step, by at most its height for light from 0 to 1
+    rng = np.random.default_rng(3)
+    middles = 10 + rng.uniform(-0.5, 0.5, 30)
+    rows = 0.8 - 0.77 * ndtr((np.arange(21.0) - middles[:, None]) / blur)
+    profiles = []
+    for middle, row in zip(middles, rows, strict=True):
+        image = np.tile(row, (21, 1)) + rng.normal(0, 0.002, (21, 21))
+        centre = np.array([[middle, 10.0]])
+        places, light = profiles_of(image.astype(np.float32), centre, np.array([[1.0, 0.0]]), 1.0)
+        profiles.append(light[0])
+    steps = fitted_steps(places, np.array(profiles), np.full(30, np.hypot(blur, 0.3)))
+    falling = steps.sensitivity[steps.good, 0]
+    assert len(falling) > 20
+    assert falling.min() > 0
+    assert falling.max() < 1
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_edges_along_pixel_rows_are_no_gamma_and_hide_none(seed):
+    for blur in (0.55, 0.7):
+        scene = Scene(seed, lambda light: light, 12, blur=blur, noise=0.002, aligned=28)
+        power = scene.profiles().power()
+        assert not is_clear(power)
+        assert abs(power.excess) < 2.5 * power.sd
+    scene = Scene(seed, gamma_levels(2.2), 12, blur=0.7, noise=0.002, aligned=28)
+    assert is_clear(scene.profiles().power())
 
 
 def test_the_curve_is_recovered():
