@@ -37,6 +37,7 @@ from planner.measuring.rehearsal import BLUR_PX, BRIGHT_GROUND, SHADOW_SHARE
 from planner.measuring.samples import BESIDE_PX, PartEdge, across_of, pixels_of
 from planner.measuring.seen_breaks import unseen_mm
 from planner.measuring.verdict import Sampled
+from planner.request.dimension import POSITIONS, is_one_sided
 from planner.request.edge_state import EdgeState, spread_of
 from planner.request.registration import OWN_EDGES
 from planner.verify.setting_record import Measurement, measurements
@@ -207,11 +208,12 @@ def _foreseen(view: _View, name: str, planned: Measurement, state: EdgeState) ->
 
 
 def _is_open(target: Target, expanded: float) -> bool:
-    """Return whether it is open if a nominal part conforms, with this U."""
-    if target.tolerance is None:
+    """Return whether it is open that a part in the middle of its limits conforms; of a position, a part without error."""
+    if target.tolerance is None or is_one_sided(target.tolerance):
         return False
+    middle = 0.0 if target.kind in POSITIONS else sum(target.tolerance) / 2
     return (
-        decide(0.0, expanded / COVERAGE, target.tolerance, DecisionRule.iso14253())
+        decide(middle, expanded / COVERAGE, target.tolerance, DecisionRule.iso14253())
         != Decision.CONFORMS
     )
 
