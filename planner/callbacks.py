@@ -45,7 +45,7 @@ LEAST_SEARCH_S = 5.0
 that is shorter, or that reading the part has taken."""
 
 KEPT_LIMIT_S = 5.0
-"""Limits from this one on are kept up to three seconds. A shorter one gives regions and search their least time."""
+"""Limits from this one on are kept up to a few seconds. A shorter one gives regions and search their least time."""
 
 # of the time until the search ends, where reading the part has taken much of the limit
 _LATE_REGIONS_SHARE = 2.0 / 3.0

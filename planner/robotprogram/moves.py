@@ -312,11 +312,11 @@ class Detours:
         further = usual * (_THOROUGH - 1)
         first = self._entered(np.asarray(start))
         last = self._entered(np.asarray(end))
-        self._connect(first, last, rng, usual)
-        if thorough:
-            self._connect(first, last, rng, further)
-        else:
-            self._spare -= self._connect(first, last, rng, min(further, self._spare))
+        if not thorough:
+            further = min(further, self._spare)
+        used = self._connect(first, last, rng, usual + further)
+        if not thorough:
+            self._spare -= max(0, used - usual)
         if self._roadmap.parts[first] != self._roadmap.parts[last]:
             return None
         way = _without_repeats(self._roadmap.way(first, last, self.rates))

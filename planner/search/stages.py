@@ -842,6 +842,7 @@ def _shown_from_elsewhere(
 ) -> list[SensorSetting]:
     """Return settings in which lamps at some places show entities that are dark so far, and what else they show."""
     elsewhere: list[SensorSetting] = []
+    run.callbacks.report(0, len(dark), "poses in the light")
     for k, name in enumerate(dark):
         square_on = lighting.area is not None and lighting.area.square_on
         poses = _poses_that_inspect(run, plan, name, _LIGHT_TRIED, square_on=square_on)
@@ -855,7 +856,7 @@ def _shown_from_elsewhere(
         order = sorted(range(len(seen)), key=lambda i: (-more[i], -seen[i].fitness))
         elsewhere += [seen[i] for i in order[:_LIGHT_KEPT]]
         run.callbacks.report(k + 1, len(dark), "poses in the light")
-    full = [setting for setting in map(_with_all(run), elsewhere) if setting.entities]
+    full = _with_all(run, elsewhere)
     lit = shown_by_lamps(run, lighting, plan, full, places)
     cut = [
         without(run.problem, setting, [name for name in setting.entities if name not in names])
@@ -864,19 +865,16 @@ def _shown_from_elsewhere(
     return [setting for setting in cut if setting.entities]
 
 
-def _with_all(run: SearchRun) -> Any:
-    """Return a function that takes into a setting all that its pose inspects and simulation does not contradict."""
-
-    def with_all(setting: SensorSetting) -> SensorSetting:
-        pose = setting.cam2world
-        names = run.names_of(run.judge(pose[None]).inspects[0])
-        full = setting_at(
-            run.problem, pose, names, setting.message, seed=derive_seed(run.seed, names)
-        )
-        wrong = run.promises.contradicted_in(full)
-        return run.promises.with_bounds(without(run.problem, full, list(wrong)) if wrong else full)
-
-    return with_all
+def _with_all(run: SearchRun, settings: Sequence[SensorSetting]) -> list[SensorSetting]:
+    """Return settings with all that their poses inspect and simulation does not contradict; none that state nothing."""
+    full = []
+    for setting in settings:
+        names = run.names_of(run.judge(setting.cam2world[None]).inspects[0])
+        seed = derive_seed(run.seed, names)
+        full.append(setting_at(run.problem, setting.cam2world, names, setting.message, seed=seed))
+    for k, _ in enumerate(run.simulate(full), 1):
+        run.callbacks.report(k, len(full), "counted poses")
+    return as_simulated(run, full)
 
 
 def _poses_that_inspect(

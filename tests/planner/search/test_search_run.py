@@ -492,6 +492,21 @@ def test_a_search_for_the_target_alone_is_the_last_try():
     assert [one.entities for one in settled.settings] == [(FRONT,), (BACK,)]
 
 
+def test_several_processes_fill_settings_as_one_does():
+    """From above both edges are measured, whichever was sought there; each pose is counted once, and told of."""
+    told = []
+    filled = []
+    for executor in (None, ThreadPoolExecutor(2)):
+        run = run_of()
+        run.executor = executor
+        run.callbacks = Callbacks(progress=lambda *state: told.append(state))
+        sought = [setting_at(run.problem, ABOVE, (BACK,), ""), stated(run, BEFORE, {FRONT: 0.99})]
+        filled.append(settle._with_all(run, sought))
+    assert [set(one.entities) for one in filled[0]] == [set(NAMES_RETRY), {FRONT}]
+    assert [one.p_all for one in filled[0]] == [one.p_all for one in filled[1]]
+    assert told == [(1, 2, "counted poses"), (2, 2, "counted poses")] * 2
+
+
 def test_what_is_short_everywhere_is_lost_with_the_most_that_was_found():
     """Its own search finds a pose of P_all .8, more than the .5 of the plan: the reason states .8."""
     run = run_of()
