@@ -644,7 +644,7 @@ class Symmetry(WidthPosition):
             apart_mm = abs(float(apart @ self.frames[0].y)) / 2
             if apart_mm > SAME_MIDDLE_MM:
                 raise MeasurandError(
-                    f"a symmetry must have mid-lines in one place of the model. Got ones {apart_mm:.4g} mm apart."
+                    f"a symmetry must have one mid-line for both slots. Got two, {apart_mm:.4g} mm apart."
                 )
 
     def _usual_groups(self, others: Sequence[Geometry]) -> tuple[int, ...]:

@@ -539,7 +539,9 @@ def test_symmetry_is_how_far_mid_lines_are_apart():
     again = pickle.loads(pickle.dumps(measurand("width_position", [*slot, *datum], None, (2,))))
     assert (again.groups, float(again.value(fits)[0])) == ((2,), pytest.approx(0.2))
     # edges at 4 and 10 have their middle at 7, those at 0 and 15 at 7.5
-    with pytest.raises(MeasurandError, match=r"one place of the model. Got ones 0\.5 mm apart"):
+    with pytest.raises(
+        MeasurandError, match=r"one mid-line for both slots. Got two, 0\.5 mm apart"
+    ):
         measurand("symmetry", [*slot, datum[0], Line((80, 15, 0), (0, 15, 0))])
 
 
