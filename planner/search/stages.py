@@ -873,7 +873,7 @@ def _with_all(run: SearchRun, settings: Sequence[SensorSetting]) -> list[SensorS
         seed = derive_seed(run.seed, names)
         full.append(setting_at(run.problem, setting.cam2world, names, setting.message, seed=seed))
     for k, _ in enumerate(run.simulate(full), 1):
-        run.callbacks.report(k, len(full), "counted poses")
+        run.callbacks.report(k, len(full), "counts in the light")
     return as_simulated(run, full)
 
 

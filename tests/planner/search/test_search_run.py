@@ -504,7 +504,7 @@ def test_several_processes_fill_settings_as_one_does():
         filled.append(settle._with_all(run, sought))
     assert [set(one.entities) for one in filled[0]] == [set(NAMES_RETRY), {FRONT}]
     assert [one.p_all for one in filled[0]] == [one.p_all for one in filled[1]]
-    assert told == [(1, 2, "counted poses"), (2, 2, "counted poses")] * 2
+    assert told == [(1, 2, "counts in the light"), (2, 2, "counts in the light")] * 2
 
 
 def test_what_is_short_everywhere_is_lost_with_the_most_that_was_found():
