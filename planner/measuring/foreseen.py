@@ -208,7 +208,7 @@ def _foreseen(view: _View, name: str, planned: Measurement, state: EdgeState) ->
 
 
 def _is_open(target: Target, expanded: float) -> bool:
-    """Return whether it is open that a part in the middle of its limits conforms; of a position, a part without error."""
+    """Return whether it is open that a part in the middle of its limits conforms; of a position, one without error."""
     if target.tolerance is None or is_one_sided(target.tolerance):
         return False
     middle = 0.0 if target.kind in POSITIONS else sum(target.tolerance) / 2

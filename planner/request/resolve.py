@@ -599,8 +599,10 @@ def _check_chords(
     n = len(arc.edge_ids)
     span = arc.end_rad - arc.start_rad
     needed = math.ceil(span / (2 * math.acos(max(0.0, 1 - permitted / arc.radius_mm))))
+    # chords of one length would do
+    uneven = " of different lengths" if needed <= n else ""
     raise RequestError(
         f"dimension {name!r}: {entity.kind} {arc.id} must have at least {needed} chords, because a "
         f"mesh does not state the true circle and {permitted:.4g} mm of error are permitted. "
-        f"Got {n}, {arc.chord_mm:.4g} mm off the circle."
+        f"Got {n}{uneven}, {arc.chord_mm:.4g} mm off the circle."
     )
