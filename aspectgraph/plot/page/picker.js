@@ -443,13 +443,18 @@ if (scene.gl) {
   watchPointer({ scene, state, at, inBox, point, moved, overlay, choice, chosen, ofFace, take, restart });
   scene.onLoss(() => { state.codes = null; }, moved);
   // a frame has no size yet when its page is there
-  let narrow = true;
+  let narrow = true, open = window.parent !== window ? serve : null;
   new ResizeObserver(() => {
     if (narrow) scene.fit();
     narrow = Math.min(...scene.size) < LEAST_PX;
     moved();
+    // what is clicked from now on is found
+    open?.();
+    open = null;
   }).observe($("scene"));
   scene.fit();
-} else $("no-3d").hidden = false;
+} else {
+  $("no-3d").hidden = false;
+  if (window.parent !== window) serve();
+}
 filtered();
-if (window.parent !== window) serve();

@@ -84,6 +84,8 @@ def notebook(browser, part, tmp_path):
     path.write_text(f"<!DOCTYPE html>{style}{cells}<script>{stub}</script>", encoding="utf-8")
     page = browser.page(path, width=WIDTH_PX, height=2 * HEIGHT_PX + 10)
     page.wait("model.saved.length > 0")
+    # the frame is on the screen, so that a click reaches it
+    page.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
     yield page
     assert page.complaints == []
     assert page.requests == []
