@@ -392,7 +392,7 @@ class Dimension:
             try:
                 size_class = checked_class(self.size, "diameter")
             except RequestError:
-                rule = "must be two deviations, a class such as H7, or in a file the name of a diameter"
+                rule = "must be two deviations, a class such as H7, or in a file the name of a diameter or width"
                 raise RequestError.of_rule("size", rule, repr(self.size)) from None
             object.__setattr__(self, "size", size_class)
             return

@@ -183,9 +183,10 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
     A distance may be asked for at ``places`` along its edges: ``step = { distance = [17, 18], places = 3 }``.
     A position has a zone and datums, which a table ``datums`` may name:
     ``bolt = { position = "r3", zone = 0.2, datums = [17, 18] }``. With ``material = "M"`` or ``"L"``, ``size`` names
-    the diameter of the file that has the limits, or states its deviations or class. A slot is its two edges,
-    ``slot = { position = [17, 18], zone = 0.1, datums = ["r4", [3, 4]] }``, and ``pattern`` holds the other rims of a
-    pattern, to which the rest that datums leave free is fitted. ``symmetry`` takes two edges, ``coaxiality`` a rim.
+    the diameter of the file (of a slot, the distance) that has the limits, or states its deviations or class. A slot
+    is its two edges, ``slot = { position = [17, 18], zone = 0.1, datums = ["r4", [3, 4]] }``. ``pattern`` holds the
+    other rims of a pattern, to which the rest that datums leave free is fitted. ``symmetry`` takes two edges,
+    ``coaxiality`` a rim.
     ``edge_break_mm = [0.1, 0.3]`` states by how much the edges of the dimension are broken, in mm whatever the unit.
 
     Parameters
@@ -219,10 +220,7 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
         )
     items = {}
     for name, value in content.items():
-        stated = _with_datums(value, datums)
-        size = stated.get("size") if isinstance(stated, Mapping) else None
-        if isinstance(size, str) and size in content:
-            stated = {**stated, "size": _size_of(name, size, content[size], kinds)}
+        stated = _with_size(name, _with_datums(value, datums), content, kinds)
         items[name] = _wanted(name, stated, kinds, share)
     return items
 
@@ -241,13 +239,22 @@ def _check_tables(content: Mapping[str, Any], kinds: tuple[str, ...]) -> None:
             )
 
 
-def _size_of(name: str, size: str, stated: Any, kinds: tuple[str, ...]) -> Any:
-    """Return the limits of a diameter of the file that is the size of a position: deviations in mm, or a class."""
-    diameter = _wanted(size, stated, kinds)
-    is_limited = isinstance(diameter, Dimension) and diameter.kind == "diameter"
-    limits = (diameter.tolerance or diameter.tolerance_class) if is_limited else None
+def _with_size(name: str, stated: Any, content: Mapping[str, Any], kinds: tuple[str, ...]) -> Any:
+    """Return what is wanted with the limits of its size in place of the name of a dimension that states them."""
+    size = stated.get("size") if isinstance(stated, Mapping) else None
+    if not isinstance(size, str) or size not in content:
+        return stated
+    is_slot = isinstance(stated.get("position"), list)
+    return {**stated, "size": _size_of(name, size, is_slot, _wanted(size, content[size], kinds))}
+
+
+def _size_of(name: str, size: str, is_slot: bool, dimension: Any) -> Any:
+    """Return the limits of a diameter, or of the width of a slot, that is the size of a position: mm, or a class."""
+    kind = "distance" if is_slot else "diameter"
+    is_limited = isinstance(dimension, Dimension) and dimension.kind == kind
+    limits = (dimension.tolerance or dimension.tolerance_class) if is_limited else None
     if limits is None:
-        rule = "must name a diameter of the file with a tolerance"
+        rule = f"must name a {kind} of the file with a tolerance"
         raise RequestError(f"dimension {name!r}: size {rule}. Got {size!r}.")
     return limits
 
@@ -543,7 +550,12 @@ def _picked(rows: Any) -> tuple[dict[str, Any], dict[str, Any], str]:
     faults = [f"{row['key']}: {row['fault']}" for row in rows if row["fault"]]
     if faults:
         return entities, {}, faults[0]
-    return entities, {row["key"]: _wanted(row["key"], row["asked"], kinds()) for row in rows}, ""
+    content = {row["key"]: row["asked"] for row in rows}
+    dimensions = {}
+    for name, value in content.items():
+        stated = _with_size(name, value, content, kinds())
+        dimensions[name] = _wanted(name, stated, kinds())
+    return entities, dimensions, ""
 
 
 # Dimensions of a CAD model as a request: one characteristic for each feature of a pattern.

@@ -15,6 +15,7 @@ class Choice {
     this.names = new Map(); // index -> name, in the order collected
     this.past = [];
     this.tolerances = new Map(); // index -> text of its own tolerance
+    this.materials = new Map(); // index -> M or L of a position
     this.common = ""; // the tolerance of all others
     this.share = SHARE;
   }
@@ -31,8 +32,16 @@ class Choice {
   /* Return the number of a value between two items, which need not be collected. */
   pair(of, option) { return this.number(pairItem(this.items, of, option)); }
 
-  /* Return the number of the position of a rim; `of` are the numbers of the rim and its datums. */
-  position(of) { return this.number(positionItem(this.items, of)); }
+  /* Return the number of the position of a hole or slot against its datums, as positions.js chains them. */
+  position(chain) { return this.number(positionItem(this.items, chain)); }
+
+  /* Return the number of the diameter or width that a material condition refers to. */
+  sizeOf(k) {
+    const { first } = this.items[k].chain;
+    if (first.length === 1) return first[0];
+    const width = betweenTwo(...first.map((n) => this.items[n])).find(({ kind, axis }) => kind === "distance" && !axis);
+    return this.pair(first, width);
+  }
 
   number(item) {
     const known = this.items.findIndex(({ id }) => id === item.id);
@@ -106,6 +115,9 @@ class Choice {
   /* Return the zone of a position; null where none is typed, undefined where the text is none. */
   zone(k) { return zoneOf(this.tolerances.get(k) || ""); }
 
+  /* The zone of a slot lies between two lines. */
+  zoneSign(k) { return this.items[k].chain.first.length === 1 ? "⌀" : ""; }
+
   /* Return the tolerance of what has none of its own; that of lengths is none of angles, and no zone. */
   shared(k) { return this.unit(k) === "mm" && !this.isPosition(k) ? this.common : ""; }
 
@@ -119,6 +131,11 @@ class Choice {
   toleranceFault(k) {
     const limits = this.tolerance(k), { size: nominal } = this.items[k];
     if (this.isPosition(k) && !limits) return "a position needs its zone, a number like 0.2";
+    if (this.materials.get(k)) {
+      const size = this.sizeOf(k), { rows: [what] } = this.items[size];
+      if (!this.names.has(size)) return `its material condition needs ${what} to be collected`;
+      if (!this.tolerance(size)) return `its material condition needs a tolerance of ${what}`;
+    }
     const name = this.toleranceClass(k);
     if (name && !this.hasClass(k)) return `only a diameter, distance or length has a tolerance class like ${name}`;
     if (name && !limits) return `ISO 286 has no ${name} for ${number(nominal)} mm`;
@@ -137,7 +154,8 @@ class Choice {
   told(k) {
     const { kind, axis, size: value, rows: [what] } = this.items[k], error = this.permitted(k);
     if (this.isPosition(k)) {
-      return this.toleranceFault(k) ? what : `${what}, zone ⌀${number(this.zone(k))} mm: error up to ${number(error)} mm`;
+      const material = this.materials.get(k) ? ` (${this.materials.get(k)})` : "";
+      return this.toleranceFault(k) ? what : `${what}, zone ${this.zoneSign(k)}${number(this.zone(k))} mm${material}: error up to ${number(error)} mm`;
     }
     const nominal = valueText({ kind, axis, nominal: value, unit: this.unit(k) });
     if (this.toleranceFault(k)) return nominal;
@@ -166,26 +184,43 @@ class Choice {
   }
 
   positionToml(k, byEnds) {
-    const [rim, ...datums] = this.items[k].of.map((one) => this.value(one, byEnds));
-    const asked = [`position = ${rim}`, `zone = ${this.zone(k)}`, `datums = [${datums.join(", ")}]`];
+    const { chain } = this.items[k], value = (n) => this.value(n, byEnds);
+    const list = (numbers) => (numbers.length === 1 ? value(numbers[0]) : `[${numbers.map(value).join(", ")}]`);
+    const asked = [`position = ${list(chain.first)}`, `zone = ${this.zone(k)}`];
+    asked.push(`datums = [${chain.datums.map(list).join(", ")}]`);
+    if (chain.pattern.length) asked.push(`pattern = [${chain.pattern.map(value).join(", ")}]`);
+    if (this.materials.get(k)) {
+      asked.push(`material = "${this.materials.get(k)}"`, `size = ${JSON.stringify(this.key(this.sizeOf(k)))}`);
+    }
     if (this.share !== SHARE) asked.push(`share = ${this.share}`);
     return asked.join(", ");
+  }
+
+  /* Return a position as a plan takes it. */
+  positionAsked(k) {
+    const { chain } = this.items[k], entity = (n) => entityOf(this.items[n]);
+    const group = (numbers) => (numbers.length === 1 ? entity(numbers[0]) : numbers.map(entity));
+    const asked = { position: group(chain.first), zone: this.zone(k) ?? null, datums: chain.datums.map(group) };
+    if (chain.pattern.length) asked.pattern = chain.pattern.map(entity);
+    if (this.materials.get(k)) [asked.material, asked.size] = [this.materials.get(k), this.key(this.sizeOf(k))];
+    return asked;
   }
 
   /* Return all that is collected and set, as plain values; `restore` takes it. */
   record() {
     const rows = [...this.names].map(([k, name]) => {
       const { id, kind, of, axis } = this.items[k], limits = this.tolerance(k);
-      const [entity, ...more] = this.parts(k).map((one) => entityOf(this.items[one]));
-      const isPosition = this.isPosition(k);
-      const asked = { [measured(kind)]: of && !isPosition ? [entity, ...more] : entity };
+      const parts = this.parts(k).map((one) => entityOf(this.items[one])), [entity] = parts;
+      const asked = this.isPosition(k) ? this.positionAsked(k) : { [measured(kind)]: of ? parts : entity };
       if (axis) asked.direction = AXES[axis];
-      if (isPosition) [asked.zone, asked.datums] = [this.zone(k) ?? null, more];
-      else if (limits) asked.tolerance = this.toleranceClass(k) || limits;
+      if (limits && !this.isPosition(k)) asked.tolerance = this.toleranceClass(k) || limits;
       if (limits && this.share !== SHARE) asked.share = this.share;
       const own = this.tolerances.get(k) || "", fault = this.toleranceFault(k);
       const row = { id, name, own, key: this.key(k), asked, fault };
-      return of ? { ...row, pair: { of: of.map((one) => this.items[one].id), kind, axis } } : { ...row, entity };
+      if (!of) return { ...row, entity };
+      const pair = { of: of.map((one) => this.items[one].id), kind, axis };
+      if (this.isPosition(k)) [pair.counts, pair.material] = [chainCounts(this.items[k].chain), this.materials.get(k) || ""];
+      return { ...row, pair };
     });
     return { rows, common: this.common, share: this.share };
   }
@@ -195,7 +230,8 @@ class Choice {
     for (const { id, pair } of rows.filter((row) => row.pair)) {
       const of = pair.of.map((one) => at.get(one));
       if (pair.kind === "position") {
-        at.set(id, this.position(of));
+        at.set(id, this.position(chainOf(of, pair.counts)));
+        this.materials.set(at.get(id), pair.material);
         continue;
       }
       const options = betweenTwo(...of.map((k) => this.items[k]));

@@ -23,12 +23,12 @@ const middles = lines.map((line) =>
 const scene = new Scene($("scene"), part, lines);
 const choice = new Choice(items, new ToleranceClasses(data.classes));
 const texts = items.map(shortName);
-const state = { pointed: -1, face: -1, codes: null, seen: new Map(), boxes: [], box: null, timer: 0, frame: 0, hosted: false, first: -1, partners: new Map(), chain: [], zone: "" };
+const state = { pointed: -1, face: -1, codes: null, seen: new Map(), boxes: [], box: null, timer: 0, frame: 0, hosted: false, first: -1, partners: new Map(), chain: emptyChain(), isJoined: false, zone: "", material: "" };
 
 /* What the filter lets through. */
 function isShown(k) {
   const { kind, size, turn, id } = items[k];
-  const inPart = k === state.first || state.chain.includes(k);
+  const inPart = k === state.first || chained(state.chain).includes(k);
   if ((state.first >= 0 || $("position").checked) && !inPart && !state.partners.has(k)) return false;
   const low = parseFloat($("least").value), high = parseFloat($("most").value), wanted = $("find").value.trim();
   if (!$(`kind-${kind}`).checked || (turn > 0 ? !$("convex").checked : !$("reentrant").checked)) return false;
@@ -37,7 +37,7 @@ function isShown(k) {
 }
 
 const isPointed = (k) => state.pointed >= 0 && choice.parts(state.pointed).includes(k);
-const isMarked = (k) => k === state.first || state.chain.includes(k) || choice.uses(k);
+const isMarked = (k) => k === state.first || chained(state.chain).includes(k) || choice.uses(k);
 const colourOf = (k) => (isPointed(k) ? POINTED : isMarked(k) ? CHOSEN : COLOURS[items[k].kind]);
 
 function styles() {
@@ -195,37 +195,74 @@ function offer(k) {
   return chosen();
 }
 
-/* Take a rim as the hole of a position, or the next datum; what is clicked again goes out with all after it. */
+/* Take what is clicked as the next of a position; what is clicked again goes out with all after it. */
 function placeNext(k) {
-  const at = state.chain.indexOf(k);
-  if (at >= 0) placeFrom(state.chain.slice(0, at));
-  else if (state.partners.has(k)) placeFrom([...state.chain, k]);
+  if (chained(state.chain).includes(k)) placeFrom(chainUntil(state.chain, k));
+  else if (state.partners.has(k)) {
+    const chain = chainWith(state.chain, items, k, state.isJoined);
+    // a slot has two sides, a pattern any number of rims
+    state.isJoined = state.isJoined && items[k].circle !== null;
+    placeFrom(chain);
+  }
 }
 
-/* Show what a position has so far, and which entities may be next: first the rims, then what fixes anything. */
+/* Show what a position has so far, and which entities may be next: what has the position, then what fixes anything. */
 function placeFrom(chain) {
-  const next = !chain.length ? items.map((_, k) => k).filter((k) => items[k].kind === "rim") : nextDatums(items, chain);
-  [state.chain, state.first, state.partners] = [chain, chain[0] ?? -1, new Map(next.map((k) => [k, []]))];
-  const [hole, ...datums] = chain.map((k) => shortName(items[k]));
-  const parts = [hole ? `Position of ${hole}` : "Click the hole whose position is asked: a rim."];
-  if (hole) parts.push(datums.length ? ` to ${datums.join(", ")}. ` : ". Click its datums in their order: edges or rims.");
-  if (datums.length && next.length) parts.push("Click the next datum, or ");
-  if (datums.length && datumFrame(items[chain[0]], chain.slice(1).map((k) => items[k])).isComplete) {
-    parts.push(zoneField(), collectButton());
-  } else if (datums.length) parts.push("one is needed.");
+  const { first, datums, pattern } = chain, isFirst = !first.length || (!items[first[0]].circle && first.length < 2);
+  state.isJoined = state.isJoined && !isFirst && nextInChain(items, chain, true).length > 0;
+  const next = nextInChain(items, chain, state.isJoined);
+  [state.chain, state.first, state.partners] = [chain, first[0] ?? -1, new Map(next.map((k) => [k, []]))];
+  const named = (numbers) => numbers.map((k) => shortName(items[k])).join("-");
+  const parts = isFirst
+    ? [first.length ? `Click the other edge of the slot or tab of ${named(first)}.` : "Click the hole whose position is asked, or an edge of a slot or tab."]
+    : [`Position of ${named([...first, ...pattern])}${datums.length ? ` to ${datums.map(named).join(", ")}` : ""}. `];
+  if (!isFirst) parts.push(...placeControls(chain, next));
   $("between").hidden = !$("position").checked;
   $("between").replaceChildren(...parts);
   chosen();
   filtered();
 }
 
+/* Return what can be done with a position that has its hole or slot. */
+function placeControls(chain, next) {
+  const parts = [], { isComplete } = datumFrame(items, chain);
+  if (state.isJoined) parts.push("Click it, or untick: ");
+  else if (!chain.datums.length && !chain.pattern.length) parts.push("Click its datums in their order: edges or rims. ");
+  else if (next.length) parts.push(isComplete ? "Click the next datum, or " : "Click the next datum: one is needed. ");
+  else if (!isComplete) parts.push("One datum more is needed, and the part has none. ");
+  if (state.isJoined || nextInChain(items, chain, true).length) parts.push(joinField(chain));
+  if (isComplete) parts.push(zoneField(), materialField(), collectButton());
+  return parts;
+}
+
+/* The tick by which the next click joins what was clicked last. */
+function joinField({ first, datums }) {
+  const label = document.createElement("label"), input = document.createElement("input");
+  const last = datums.length ? datums.at(-1) : first;
+  [input.id, input.type, input.checked] = ["join", "checkbox", state.isJoined];
+  input.addEventListener("change", () => { state.isJoined = input.checked; placeFrom(state.chain); });
+  const text = items[last[0]].circle ? `with another rim of the pattern of ${shortName(items[last[0]])}`
+    : `with the other edge of the slot or tab of ${shortName(items[last[0]])}`;
+  label.append(input, ` ${text} `);
+  return label;
+}
+
 function zoneField() {
   const label = document.createElement("label"), input = document.createElement("input");
   [input.id, input.type, input.size, input.value] = ["zone", "text", 5, state.zone];
-  input.placeholder = "⌀0.2";
+  input.placeholder = state.chain.first.length === 1 ? "⌀0.2" : "0.2";
   input.addEventListener("input", () => { state.zone = input.value; });
   label.append("zone ", input, " mm ");
   return label;
+}
+
+function materialField() {
+  const select = document.createElement("select");
+  [select.id, select.title] = ["material", "material condition: the zone grows with the size"];
+  for (const [value, text] of [["", "no condition"], ["M", "(M)"], ["L", "(L)"]]) select.add(new Option(text, value));
+  select.value = state.material;
+  select.addEventListener("change", () => { state.material = select.value; });
+  return select;
 }
 
 function collectButton() {
@@ -234,9 +271,12 @@ function collectButton() {
   button.addEventListener("click", () => {
     const k = choice.position(state.chain);
     choice.tolerances.set(k, state.zone.trim());
-    choice.add([k]);
+    choice.materials.set(k, state.material);
+    // the bonus comes from the size, which is measured with it
+    choice.add(state.material ? [choice.sizeOf(k), k] : [k]);
     $("kind-of-file").value = "dimensions";
-    placeFrom([]);
+    state.material = "";
+    placeFrom(emptyChain());
   });
   return button;
 }
@@ -244,7 +284,7 @@ function collectButton() {
 /* Begin a pair or a position anew. */
 function restart() {
   if ($("two").checked) begin(-1);
-  if ($("position").checked) placeFrom([]);
+  if ($("position").checked) placeFrom(emptyChain());
 }
 
 function collectPair(of, option) {
@@ -406,9 +446,9 @@ function save() {
 /* End what was begun, and untick the other way of picking. */
 function only(ticked) {
   $(ticked === "two" ? "position" : "two").checked = false;
-  state.chain = [];
+  state.chain = emptyChain();
   begin(-1);
-  if ($("position").checked) placeFrom([]);
+  if ($("position").checked) placeFrom(emptyChain());
 }
 
 const everything = () => items.map((_, k) => k).filter(isShown);

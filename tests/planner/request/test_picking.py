@@ -311,11 +311,12 @@ def test_a_position_is_offered_where_the_plan_has_one(browser, tmp_path):
     path.write_text(picker_html(solid, chosen, [rim.id for rim in rims]), encoding="utf-8")
     page = browser.page(path)
     offered = page.run(
-        "(() => { const found = []; const go = (of) => {"
-        " const frame = datumFrame(items[of[0]], of.slice(1).map((k) => items[k]));"
-        " if (frame.isComplete && of.length > 1) found.push(of.map((k) => items[k].id).join());"
-        " if (of.length < 4) nextDatums(items, of).forEach((k) => go([...of, k])); };"
-        " items.forEach((item, k) => item.kind === 'rim' && go([k])); return found; })()"
+        "(() => { const found = []; const go = (chain) => { const of = chained(chain);"
+        " if (datumFrame(items, chain).isComplete) found.push(of.map((k) => items[k].id).join());"
+        " if (of.length < 4) nextInChain(items, chain, false)"
+        ".forEach((k) => go(chainWith(chain, items, k, false))); };"
+        " items.forEach((item, k) => item.kind === 'rim' && go({ ...emptyChain(), first: [k] }));"
+        " return found; })()"
     )
     page.close()
     shapes = {str(k): Line(*ends[k]) for k in chosen}
@@ -330,6 +331,82 @@ def test_a_position_is_offered_where_the_plan_has_one(browser, tmp_path):
                     defined.add(",".join((rim.id, *datums)))
     assert set(offered) == defined
     assert len(defined) > 50
+
+
+def plate_of_slots():
+    """Return a plate with three bores, a slot, and the ids of its top rims and chosen edges."""
+    outline = [(-30, -20), (30, -20), (30, 20), (12, 20), (12, 14), (4, 14), (4, 20), (-30, 20)]
+    places = [(-10.0, -5.0), (8.0, -5.0), (-2.0, 6.0)]
+    solid = prism(outline, 10, [ring(3.0, 24, place, clockwise=True) for place in places])
+    rims = [rim for rim in solid.rims() if rim.centre[2] > 5]
+    corners = [(point, outline[(k + 1) % 8]) for k, point in enumerate(outline)]
+    chosen = [corners[k] for k in (0, 3, 5, 7)]
+    wanted = [{(*a, 10), (*b, 10)} for a, b in chosen] + [{(-30, -20, 0), (-30, -20, 10)}]
+    edges = [
+        edge.id
+        for edge in solid.straight_edges()
+        if {tuple(point) for point in solid.edge_points(edge.id)} in wanted
+    ]
+    return solid, rims, edges
+
+
+def position_defined(shapes, first, datums, pattern=()):
+    """Whether the plan has a position of these items."""
+    groups = tuple(len(group) for group in datums)
+    names = [*first, *(name for group in datums for name in group), *pattern]
+    kind = "position" if len(first) == 1 else "width_position"
+    with contextlib.suppress(MeasurandError):
+        measurand(kind, [shapes[name] for name in names], groups=groups or (0,))
+        return True
+    return False
+
+
+@needs_browser
+def test_slots_and_patterns_are_offered_where_the_plan_has_them(browser, tmp_path):
+    """Every hole and slot with one or two datums, single, slots and patterns: page and plan agree."""
+    solid, rims, edges = plate_of_slots()
+    path = tmp_path / "page.html"
+    path.write_text(picker_html(solid, edges, [rim.id for rim in rims]), encoding="utf-8")
+    page = browser.page(path)
+    offered = page.run(
+        "(() => { const found = []; const say = (numbers) => numbers.map((k) => items[k].id).join('+');"
+        " const go = (chain) => { if (datumFrame(items, chain).isComplete) {"
+        " found.push([say(chain.first), chain.datums.map(say).join(), say(chain.pattern)].join('|')); }"
+        " for (const isJoined of [false, true]) {"
+        " if (!isJoined && chain.datums.length > 1) continue;"
+        " const last = chain.datums.at(-1) || [...chain.first, ...chain.pattern];"
+        " if (isJoined && last.length > 1) continue;"
+        " nextInChain(items, chain, isJoined).forEach((k) => go(chainWith(chain, items, k, isJoined))); } };"
+        " go(emptyChain()); return found; })()"
+    )
+    assert page.complaints == []
+    page.close()
+    shapes = {str(k): Line(*solid.edge_points(k)) for k in edges}
+    shapes |= {rim.id: Circle(rim.centre, rim.axis, rim.radius_mm) for rim in rims}
+    holes = [(rim.id,) for rim in rims]
+    ways = {name: (shape.q - shape.p) for name, shape in shapes.items() if isinstance(shape, Line)}
+    slots = [
+        (a, b)
+        for a, b in permutations(ways, 2)
+        if np.linalg.norm(np.cross(ways[a], ways[b])) < 1e-9
+        and np.linalg.norm(np.cross(ways[a], shapes[b].p - shapes[a].p)) > 1e-9
+    ]
+    patterns = list(permutations([rim.id for rim in rims], 2))
+    groups = [*holes, *((name,) for name in ways), *slots, *patterns]
+    expected = set()
+    for first in (*holes, *slots):
+        for n in (0, 1, 2):
+            for datums in permutations(groups, n):
+                names = [*first, *(name for group in datums for name in group)]
+                for pattern in ((), *holes) if len(first) == 1 else [()]:
+                    every = [*names, *pattern]
+                    if len(set(every)) < len(every) or not (datums or pattern):
+                        continue
+                    if position_defined(shapes, first, datums, pattern):
+                        said = ",".join("+".join(group) for group in datums)
+                        expected.add(f"{'+'.join(first)}|{said}|{'+'.join(pattern)}")
+    assert set(offered) == expected
+    assert len(expected) > 300
 
 
 @needs_browser
@@ -354,7 +431,8 @@ def test_a_hole_and_its_datums_that_are_clicked_become_a_position(browser, part,
 
     shown = "items.filter((_, k) => isShown(k)).map(({ kind }) => kind)"
     every = "items.map(({ id }) => id)"
-    assert set(page.run(shown)) == {"rim"}
+    # a hole, or an edge of a slot or tab
+    assert set(page.run(shown)) == {"rim", "edge"}
     click(rim.id)
     # an edge along the axis of the hole is no datum
     upright = {str(k) for k, at in ends.items() if at[0][2] != at[1][2]}
@@ -383,6 +461,68 @@ def test_a_hole_and_its_datums_that_are_clicked_become_a_position(browser, part,
     page.run("choice.tolerances.clear(); chosen()")
     assert "needs its zone" in page.run("$('fault').textContent")
     assert page.run("$('save').disabled")
+    assert page.complaints == []
+    page.close()
+
+
+@needs_browser
+def test_a_slot_to_a_pattern_with_its_width_is_clicked(browser, part, tmp_path):
+    """A slot at maximum material against an edge and another slot, and a hole of a pattern without datums."""
+    solid, rims, edges = plate_of_slots()
+    path = tmp_path / "page.html"
+    path.write_text(picker_html(solid, edges, [rim.id for rim in rims]), encoding="utf-8")
+    page = browser.page(path)
+    at = {k: solid.edge_points(k) for k in edges}
+    walls = [k for k in edges if set(at[k][:, 0]) in ({12.0}, {4.0})]
+    bottom = next(k for k in edges if (at[k][:, 1] == -20).all() and (at[k][:, 2] == 10).all())
+    left = next(k for k in edges if (at[k][:, 0] == -30).all() and (at[k][:, 2] == 10).all())
+
+    def click(*names):
+        for name in names:
+            page.run(
+                f"$('item-' + items.findIndex(({{ id }}) => id === '{name}')).querySelector('input').click()"
+            )
+
+    def join(name):
+        page.run("$('join').checked || $('join').click()")
+        click(name)
+
+    page.run("$('position').click()")
+    click(*walls, bottom, rims[0].id)
+    join(rims[1].id)
+    told = page.run("$('between').textContent")
+    first = "-".join(f"e{k}" for k in walls)
+    assert told.startswith(f"Position of {first} to e{bottom}, {rims[0].id}-{rims[1].id}. ")
+    # what is clicked again goes out, with its tick
+    click(rims[1].id)
+    join(rims[1].id)
+    page.run("$('zone').value = '0.2'; $('zone').dispatchEvent(new Event('input'))")
+    page.run("$('material').value = 'M'; $('material').dispatchEvent(new Event('change'))")
+    page.run("$('collect-position').click()")
+    # the width is collected with it, and needs limits of its own
+    assert "needs a tolerance of distance" in page.run("$('fault').textContent")
+    page.run("choice.tolerances.set([...choice.names.keys()][0], '0/0.1'); chosen()")
+    # holes of one pattern, without a datum
+    click(rims[2].id)
+    join(rims[0].id)
+    page.run("$('zone').value = '0.3'; $('zone').dispatchEvent(new Event('input'))")
+    page.run("$('collect-position').click()")
+    wanted = read_wanted(saved_as(page, tmp_path), kinds())
+    width, slot, hole = wanted.values()
+    assert (width.kind, set(width.entities)) == ("distance", set(walls))
+    pattern = [rims[0].id, rims[1].id]
+    assert slot == Dimension.position(walls, [bottom, pattern], 0.2, material="M", size=(0.0, 0.1))
+    assert hole == Dimension.position(rims[2].id, [], 0.3, pattern=[rims[0].id])
+    record = page.run("choice.record()")
+    assert dimension_files._picked(record["rows"]) == ({}, wanted, "")
+    page.run("choice.remove([...choice.names.keys()]); choice.materials.clear()")
+    page.run(f"choice.restore({json.dumps(record)})")
+    assert page.run("choice.record()") == record
+    # an edge of a slot alone is no datum to click beside a slot that it belongs to
+    page.run("placeFrom(emptyChain())")
+    click(walls[0])
+    shown = "items.filter((_, k) => isShown(k)).map(({ id }) => id)"
+    assert set(page.run(shown)) == {str(k) for k in (*walls, left)}
     assert page.complaints == []
     page.close()
 
