@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -524,15 +526,10 @@ def measurand(
     if name not in _KINDS:
         raise MeasurandError.of_rule("kind", f"must be one of {', '.join(_KINDS)}", repr(name))
     cls = _KINDS[name]
-    if len(geometry) < len(cls.takes) or (len(geometry) > len(cls.takes) and not cls.and_more):
-        raise MeasurandError(
-            f"a {name} must have {_several(cls.takes)}. Got {len(geometry)} of them."
-        )
-    for shape, required_type in zip(geometry, cls.takes, strict=False):
-        if not isinstance(shape, required_type):
-            raise MeasurandError(
-                f"a {name} must have {_several(cls.takes)}. Got a {type(shape).__name__.lower()}."
-            )
+    taken = [type(shape) for shape in geometry]
+    fits = len(taken) == len(cls.takes) or (len(taken) > len(cls.takes) and cls.and_more)
+    if not fits or not all(map(isinstance, geometry, cls.takes)):
+        raise MeasurandError(_wrong_entities(name, taken))
     if groups and not hasattr(cls, "n_first"):
         raise MeasurandError.of_rule(
             "groups",
@@ -546,9 +543,36 @@ def measurand(
         raise MeasurandError(str(error)) from error
 
 
+_NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four"}
+
+
+def _wrong_entities(name: str, taken: Sequence[type]) -> str:
+    """Say what a kind of value takes instead of these entities, and which kinds take them in which order."""
+    article = "a"
+    if name[0] in "aeiou":
+        article = "an"
+    words = name.replace("_", " ")
+    rule = f"{article} {words} must have {_several(_KINDS[name].takes)}. Got {_several(taken) or 'nothing'}"
+    fitting = [
+        other
+        for other, kind in _KINDS.items()
+        if not kind.and_more and Counter(kind.takes) == Counter(taken)
+    ]
+    if not fitting or name in fitting:
+        return f"{rule}."
+    return f"{rule}. Use {' or '.join(fitting)} for these."
+
+
 def _several(takes: Sequence[type]) -> str:
+    """Return entities in words, such as "one rim or arc and two straight edges"."""
     words = {"Line": "straight edge", "Circle": "rim or arc"}
-    return " and ".join("one " + words[kind.__name__] for kind in takes)
+    plurals = {"Line": "straight edges", "Circle": "rims or arcs"}
+    parts = []
+    for kind, run in itertools.groupby(takes):
+        number = len(list(run))
+        name = (words if number == 1 else plurals)[kind.__name__]
+        parts.append(f"{_NUMBERS.get(number, number)} {name}")
+    return " and ".join(parts)
 
 
 # How sure a value is measured from a pose: probability of a small error, uncertainty, budget.

@@ -157,7 +157,7 @@ def render(options: Render) -> int:
     if options.json:
         print_json(to_plain(rehearsal.truth))
     else:
-        terminal_tables.print_written(files, path_text(out), files[0])
+        terminal_tables.print_written(files, path_text(out), path_text(out / TRUTH))
     return DONE
 
 

@@ -483,6 +483,11 @@ class AreaSpace(LitSpace):
         """Whether only outlines make lines in the image."""
         return self.area.only_outlines
 
+    @property
+    def before(self) -> str:
+        """Where viewpoints are left, in words."""
+        return f" in front of the {self.area.kind}" if self.area.only_outlines else ""
+
     def covering_cells(self, names: Sequence[str]) -> CellSet:
         """Return the viewpoints in front of the light from where all named entities are visible.
 

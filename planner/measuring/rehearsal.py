@@ -76,6 +76,8 @@ _RAYS = 400_000
 _POINTS = 128
 # surfaces that are nearly alike move a vertex like one
 _ALIKE = 0.1
+# what surfaces miss of a common point is noise of doubles below this
+_MET = 1e-9
 # cosine of the angle up to which a round surface counts as tangent to a plane, 8 degrees
 _TANGENT = 0.99
 # the weakest and the brightest places beside edges are noise
@@ -133,6 +135,15 @@ class Rendered(NamedTuple):
     pose: Array
 
 
+class _Meeting(NamedTuple):
+    """Points, by their numbers (n,), on the same surfaces (k,): normals (n, k, 3) and offsets (n, k, p) there."""
+
+    rows: NDArray[np.int64]
+    surfaces: NDArray[np.int64]
+    normals: Array
+    offsets: Array
+
+
 class DeviatingPart:
     """A part whose surfaces deviate from its model.
 
@@ -159,8 +170,9 @@ class DeviatingPart:
             for carrier in carriers
         ]
         drawn = rng.standard_normal((len(carriers), PARAMETERS))
-        self._deviations = surfaces_mm * drawn * np.reshape(sizes, (-1, PARAMETERS))
         vertices, triangles, carried = _refined(model)
+        scales = np.reshape(sizes, (-1, PARAMETERS))
+        self._deviations = surfaces_mm * scales * self._closed(vertices, carried, drawn, scales)
         self.scene = RayScene(vertices + self._moves(vertices, carried), triangles, n_threads=1)
 
     def value(self, name: str, target: Target) -> float:
@@ -200,25 +212,57 @@ class DeviatingPart:
     def _moves(self, points: Array, carried: list[set[int]]) -> Array:
         """Return how points (n, 3) move with the surfaces that they lie on: the least move that meets all of them."""
         moves = np.zeros((len(points), 3))
+        for meeting in self._meetings(points, carried):
+            off = np.einsum("nip,ip->ni", meeting.offsets, self._deviations[meeting.surfaces])
+            inverse = np.linalg.pinv(meeting.normals, rcond=_ALIKE)
+            moves[meeting.rows] = np.einsum("nij,nj->ni", inverse, off)
+        return moves
+
+    def _meetings(self, points: Array, carried: list[set[int]]) -> Iterator[_Meeting]:
+        """Yield the points (n, 3) that lie on the same surfaces."""
         groups: dict[frozenset[int], list[int]] = {}
         for index, surfaces in enumerate(carried):
             groups.setdefault(frozenset(surfaces), []).append(index)
         for group, rows in groups.items():
             if not group:
                 continue
-            carriers = [self._model.carriers.surfaces[k] for k in sorted(group)]
+            surfaces = sorted(group)
+            carriers = [self._model.carriers.surfaces[k] for k in surfaces]
             places = points[rows]
             normals = np.stack([carrier.normals(places) for carrier in carriers], axis=1)
             # a blend begins where its plane is, or the straight edges that end there would turn
             flat = [carrier.is_plane for carrier in carriers]
             normals[_blended(normals, np.array(flat))] = 0.0
-            off = [
-                carrier.offsets(places) @ self._deviations[k]
-                for k, carrier in zip(sorted(group), carriers, strict=True)
-            ]
-            inverse = np.linalg.pinv(normals, rcond=_ALIKE)
-            moves[rows] = np.einsum("nij,nj->ni", inverse, np.stack(off, axis=1))
-        return moves
+            offsets = np.stack([carrier.offsets(places) for carrier in carriers], axis=1)
+            yield _Meeting(np.array(rows), np.array(surfaces), normals, offsets)
+
+    def _closed(self, points: Array, carried: list[set[int]], drawn: Array, scales: Array) -> Array:
+        """Return standard normal deviations (k, p) given that surfaces that meet in a point still do.
+
+        Four planes of a corner have no common point once each of them deviates on its own. What no move of the points
+        (n, 3) meets is C d = 0 in the deviations d, and the drawn ones lose their part along the rows of C.
+        """
+        squares = np.zeros((drawn.size, drawn.size))
+        for meeting in self._meetings(points, carried):
+            normals = meeting.normals
+            met = np.einsum("nij,njk->nik", normals, np.linalg.pinv(normals, rcond=_ALIKE))
+            # a blend follows its plane
+            led = (normals**2).sum(axis=2, keepdims=True) > 0
+            unmet = np.where(led, np.eye(normals.shape[1]) - met, 0.0)
+            if np.abs(unmet).max() < _MET:
+                continue
+            scaled = meeting.offsets * scales[meeting.surfaces]
+            rows = np.einsum("nij,njp->nijp", unmet, scaled).reshape(-1, scaled[0].size)
+            places = np.arange(drawn.size).reshape(drawn.shape)[meeting.surfaces].ravel()
+            squares[np.ix_(places, places)] += rows.T @ rows
+        bound = np.flatnonzero(squares.diagonal())
+        if len(bound) == 0:
+            return drawn
+        values, vectors = np.linalg.eigh(squares[np.ix_(bound, bound)])
+        along = vectors[:, values > _MET * values[-1]]
+        closed = drawn.copy()
+        closed.flat[bound] -= along @ (along.T @ drawn.flat[bound])
+        return closed
 
 
 def _blended(normals: Array, flat: NDArray[np.bool_]) -> NDArray[np.bool_]:

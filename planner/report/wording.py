@@ -512,10 +512,12 @@ def unlit_sentence(plan: InspectionPlan) -> str:
     """Say what a plan without lamps does not promise; empty of one with lamps, or without settings."""
     if plan.light is not None or not plan.settings:
         return ""
-    return (
-        "Light is not planned, so nothing is promised of contrast: an edge that your lamps do not show is not "
-        "measured. --light plans lamps."
+    promise = (
+        "nothing is promised of contrast: an edge that your lamps do not show is not measured."
     )
+    if plan.request.lighting is not None:
+        return f"Light is not planned yet, so {promise}"
+    return f"Light is not planned, so {promise} --light plans lamps."
 
 
 def lamp_texts(plan: InspectionPlan, k: int) -> list[str]:

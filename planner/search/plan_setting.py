@@ -56,15 +56,21 @@ _UNITS = {"mm": "mm", "px": "px", "deg": "degrees"}
 _ROUNDS = np.geomspace(0.2, 1e-4, 20)
 
 
+def _before_light(space: Space) -> str:
+    """Return where a light leaves viewpoints, such as " in front of the backlight"; empty if it forbids none."""
+    return str(getattr(entity_space(space), "before", ""))
+
+
 def check_observable(space: Space, names: Sequence[str]) -> CellSet:
     """Return the covering cells of the entities, or raise `InfeasibleError` naming who cannot be seen."""
     cells = cells_of(space, list(names))
     if len(cells):
         return cells
     hidden = [name for name in names if not len(cells_of(space, [name]))]
+    before = _before_light(space)
     if hidden:
         raise InfeasibleError(
-            f"visibility cannot be met: no viewpoint in the workspace sees all of entity {hidden[0]!r}.",
+            f"visibility cannot be met: no viewpoint in the workspace{before} sees all of entity {hidden[0]!r}.",
             constraint="visibility",
             entity=hidden[0],
             margin=-1.0,
@@ -73,7 +79,7 @@ def check_observable(space: Space, names: Sequence[str]) -> CellSet:
     pair = _pair_never_seen_together(space, names)
     who = f"entities {pair[0]!r} and {pair[1]!r}" if pair else f"entities {', '.join(names)}"
     raise InfeasibleError(
-        f"visibility cannot be met: no viewpoint in the workspace sees all of {who}.",
+        f"visibility cannot be met: no viewpoint in the workspace{before} sees all of {who}.",
         constraint="visibility",
         entity=pair[1] if pair else "",
         margin=-1.0,
@@ -204,8 +210,9 @@ def explain_positions(
     worst = int(np.argmin(slack[best]))
     return InfeasibleError(
         f"no tried viewpoint meets focus_mm for entity {constraints.names[worst]!r}: its ends must be "
-        f"{nearest:.5g} to {farthest:.5g} mm from the camera. From the best of {len(positions)} viewpoints that see "
-        f"the targets, they are {distance[best, worst].min():.5g} to {distance[best, worst].max():.5g} mm away.",
+        f"{nearest:.5g} to {farthest:.5g} mm from the camera. From the best of {len(positions)} viewpoints"
+        f"{_before_light(constraints.space)} that see the targets, they are "
+        f"{distance[best, worst].min():.5g} to {distance[best, worst].max():.5g} mm away.",
         constraint="focus_mm",
         entity=constraints.names[worst],
         margin=float(slack[best, worst]),

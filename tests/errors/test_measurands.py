@@ -352,9 +352,19 @@ def test_a_new_kind_is_one_class():
         (
             "distance",
             [GEOMETRY["length"][0]],
-            "a distance must have one straight edge and one straight edge. Got 1",
+            "a distance must have two straight edges. Got one straight edge.",
         ),
-        ("diameter", GEOMETRY["length"], "a diameter must have one rim or arc. Got a line"),
+        (
+            "diameter",
+            GEOMETRY["length"],
+            "a diameter must have one rim or arc. Got one straight edge. Use length for these.",
+        ),
+        (
+            "distance",
+            GEOMETRY["centre_to_edge"],
+            "Got one rim or arc and one straight edge. Use centre_to_edge for these.",
+        ),
+        ("angle", GEOMETRY["centre_distance"], "an angle must .* Use centre_distance for these"),
         ("distance", GEOMETRY["angle"], "must be parallel. Got 33.69 degrees"),
         ("angle", GEOMETRY["distance"], "must not be parallel"),
         (

@@ -560,7 +560,7 @@ def test_coaxiality_is_twice_the_offset_of_the_centres():
         ("position", [HOLE, EDGE_B], (1, 1), "groups must count"),
         ("position", [HOLE, EDGE_B, HOLE], (2,), "two edges of a slot"),
         ("diameter", [HOLE], (1,), "groups must be those of a position"),
-        ("width_position", [HOLE, EDGE_B], (), "one straight edge and one straight edge"),
+        ("width_position", [HOLE, EDGE_B], (), "must have two straight edges"),
     ],
 )
 def test_groups_that_do_not_fit_are_refused(kind, shapes, groups, message):

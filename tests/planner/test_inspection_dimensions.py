@@ -273,7 +273,7 @@ def test_of_what_is_behind_the_camera_there_is_no_probability(solid, wanted):
         (
             "bore",
             Dimension.diameter(FRONT),
-            "dimension 'bore': a diameter must have one rim or arc. Got a line",
+            "dimension 'bore': a diameter must have one rim or arc. Got one straight edge",
         ),
     ],
 )

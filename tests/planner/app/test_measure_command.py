@@ -230,14 +230,15 @@ def test_results_of_another_serial_stay(folder, tmp_path):
     assert json.loads((tmp_path / "results.json").read_text())["serial"] == "N1"
 
 
-def test_rendered_images_are_measured(folder, capsys):
+def test_rendered_images_are_measured(folder, capsys, monkeypatch):
     """The whole chain without a camera: render, then measure."""
+    monkeypatch.chdir(folder)
     plan = str(folder / "plan.json")
     part = str(folder / "plate.off")
-    images = str(folder / "rendered")
+    images = "rendered"
     assert main(["render", plan, "--part", part, "--units", "mm", "--out", images]) == 0
     printed = capsys.readouterr()
-    assert "3 files in" in printed.out
+    assert "3 files in rendered/; open rendered/truth.json" in printed.out
     assert "the plan has no light; a lamp on the camera" in printed.err
     assert run(folder, "rendered", out="rehearsed") == 0
     truth = json.loads((folder / "rendered" / "truth.json").read_text())

@@ -100,14 +100,14 @@ def dimension(kind, entities, geometry, tolerance, direction=None):
     return planned_dimension(kind, entities, geometry, 0.05, None, tolerance, direction=direction)
 
 
-def measured_plan(solid, names=("left", "right", "apart", "width"), settings=2, **changes):
-    """A plan whose settings all measure the given dimensions."""
+def dimensions_of(solid):
+    """The dimensions of a plate, by name."""
     circles = {
         name: Circle([*centre, TOP], UP, radius) for name, (centre, radius) in plates.HOLES.items()
     }
     rims = dict(zip(plates.HOLES, upper_rims(solid), strict=True))
     sides = [Line([0.0, y, TOP], [80.0, y, TOP]) for y in (0.0, 50.0)]
-    every = {
+    return {
         "left": dimension("diameter", (rims["left"],), (circles["left"],), (-0.1, 0.1)),
         "right": dimension("diameter", (rims["right"],), (circles["right"],), (-0.1, 0.1)),
         "apart": dimension(
@@ -116,7 +116,14 @@ def measured_plan(solid, names=("left", "right", "apart", "width"), settings=2, 
         "width": dimension("distance", ("front", "back"), tuple(sides), (-0.2, 0.2)),
         "long": dimension("length", ("front",), (sides[0],), (-0.5, 0.5)),
     }
-    dimensions = changes.pop("dimensions", None) or {name: every[name] for name in names}
+
+
+def measured_plan(solid, names=("left", "right", "apart", "width"), settings=2, **changes):
+    """A plan whose settings all measure the given dimensions."""
+    dimensions = changes.pop("dimensions", None)
+    if not dimensions:
+        every = dimensions_of(solid)
+        dimensions = {name: every[name] for name in names}
     planned = [
         SensorSetting(
             pose, tuple(names), dict.fromkeys(names, 0.95), {"focus_mm": 1.0}, 1.0, 1, 1, "by hand"

@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from ground.convert import from_plain, to_plain
 from planner import (
     Backlight,
     Dimension,
+    InfeasibleError,
     Registration,
     Rehearsal,
     RequestError,
@@ -28,6 +30,7 @@ from planner.app.options import Light
 from planner.light.area_light import AreaSpace, EdgePoints, Sight, entity_shown
 from planner.light.lighting import Lighting
 from planner.light.reflection import Material
+from planner.search.plan_setting import check_observable
 from planner.sensor_setting import ReasonKind
 
 PLATE = holed_plate()
@@ -348,6 +351,25 @@ def test_the_space_is_in_front_and_passes_to_other_processes():
     assert space.observable(eyes)[:, 0].tolist() == [True, False, False]
     assert regions.covering_cells(["rim"]).contains(eyes).tolist()[::2] == [True, True]
     assert space.covering_cells(["rim"]).contains(eyes).tolist()[::2] == [True, False]
+
+
+class Below(SimpleNamespace):
+    """Viewpoints below the plate only."""
+
+    def subset(self, names):
+        return self
+
+    def covering_cells(self, names):
+        return self.regions.covering_cells(names).in_front_of(np.zeros(3), np.array([0, 0, -1.0]))
+
+
+def test_what_is_seen_only_from_behind_is_said_to_be_so():
+    names = {"rim": rim_at(0.0).id}
+    regions = compute_regions(PLATE, names, ((-200, -200, -300), (300, 300, 400)))
+    below = Below(regions=regions)
+    assert len(check_observable(below, ["rim"]))
+    with pytest.raises(InfeasibleError, match="in front of the backlight sees all of entity 'rim'"):
+        check_observable(AreaSpace(below, CAMERA, UNDER, (0.1, 0.1)), ["rim"])
 
 
 def test_what_is_in_view_but_not_its_outline_is_said_to_be_not_shown():

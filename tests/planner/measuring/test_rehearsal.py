@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 from measured_plate import TOP, measured_plan, thick_plate
 from PIL import Image
+from plan_examples import planned_dimension
 
+from aspectgraph import Solid
+from errors.measurands import Line
 from ground.convert import from_plain
 from planner import Rehearsal, RequestError, measure
 from planner.exceptions import PlanFileError
@@ -89,6 +92,40 @@ def test_flat_faces_stay_flat_around_holes(plate, plan):
     fit, *_ = np.linalg.lstsq(columns, height[top], rcond=None)
     assert np.abs(columns @ fit - height[top]).max() < 1e-4
     assert np.abs(height[top] - TOP).max() > 0.005
+
+
+def plane_of_hits(scene, places):
+    """Normal of the plane that rays from above meet at places (n, 2)."""
+    start = np.column_stack([places, np.full(len(places), 500.0)])
+    depth = scene.cast(start, np.tile([0.0, 0.0, -1.0], (len(places), 1)))["t_hit"]
+    columns = np.column_stack([places, np.ones(len(places))])
+    (x, y, _), residual, *_ = np.linalg.lstsq(columns, 500.0 - depth, rcond=None)
+    assert residual < 1e-6
+    return np.array([-x, -y, 1.0])
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_four_planes_of_a_corner_still_meet_there(seed):
+    """They have no common point once each deviates on its own: an edge then ends elsewhere than its planes do."""
+    base = [[0, 0, 0], [80, 0, 0], [80, 50, 0], [0, 50, 0]]
+    sides = [(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]
+    corners = np.array([*base, [40, 25, 30]], dtype=float)
+    pyramid = Solid(corners, [(3, 2, 1, 0), *sides], name="pyramid")
+    slants = [Line(corners[k], corners[4]) for k in (0, 2)]
+    angle = planned_dimension("angle", ("first", "second"), tuple(slants), 0.1)
+    plan = measured_plan(pyramid, ("angle",), dimensions={"angle": angle})
+    part = DeviatingPart(Measurer(plan, pyramid).model, 0.5, np.random.default_rng(seed))
+    inside = [[[0.2, 0.6, 0.2], [0.6, 0.2, 0.2], [0.3, 0.3, 0.4], [0.2, 0.2, 0.6]] for _ in sides]
+    front, right, back, left = (
+        plane_of_hits(part.scene, np.array(shares) @ corners[list(side), :2])
+        for shares, side in zip(inside, sides, strict=True)
+    )
+    ways = [np.cross(front, left), np.cross(right, back)]
+    cosine = np.abs(ways[0] @ ways[1]) / np.prod(np.linalg.norm(ways, axis=1))
+    value = part.value("angle", plan.targets["angle"])
+    assert abs(value - plan.targets["angle"].nominal) > 0.01
+    # what is left is of the second order in the deviations
+    assert value == pytest.approx(np.degrees(np.arccos(cosine)), abs=0.03)
 
 
 def test_true_values_are_those_of_the_part_that_rays_meet(plate, plan):

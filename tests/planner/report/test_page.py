@@ -17,13 +17,13 @@ import pytest
 from browser import Browser, needs_browser
 from grid_box import EDGES, BoxSpace
 from PIL import Image
-from plan_examples import CAMERA, plan, setting
+from plan_examples import CAMERA, changed, plan, setting
 from plotly.offline import get_plotlyjs
 from scipy.spatial.transform import Rotation
 
 import planner
 from aspectgraph import build_aspect_graph, compute_regions
-from planner import LightPlan, LitImage, look_at
+from planner import Lighting, LightPlan, LitImage, look_at
 from planner.files import timestamp
 from planner.identity import PartRecord
 from planner.plan import InspectionPlan
@@ -420,6 +420,13 @@ def test_verdict_names_bound_and_simulation():
         "that inspects them under this request has at least 1 setting. Not simulated. Light is not planned, so "
         "nothing is promised of contrast: an edge that your lamps do not show is not measured. --light plans lamps."
     )
+
+
+def test_light_that_is_asked_for_is_not_advised():
+    """As where the time limit ended before lamps were found."""
+    said = verdict(changed(box_plan(), lighting=Lighting("ring")))
+    assert "Light is not planned yet, so nothing is promised of contrast" in said
+    assert "--light" not in said
 
 
 def test_what_probabilities_mean_is_printed_on_demand(capsys):
