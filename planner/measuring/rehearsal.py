@@ -247,7 +247,7 @@ class _Refined:
         self.between: dict[tuple[int, int], list[int]] = {}
 
     def cut(self, first: int, last: int, new: Array, carriers: set[int]) -> None:
-        """Cut a side at new points (n, 3), which carriers are known of."""
+        """Cut a side at new points (n, 3) that lie on carriers."""
         start = len(self.points)
         numbers = list(range(start, start + len(new)))
         self.points += list(new)
