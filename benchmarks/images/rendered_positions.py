@@ -5,7 +5,8 @@ and larger or smaller. Half of them have the maximum material condition. All pos
 
 Run with the number of images: ``python benchmarks/images/rendered_positions.py 30 --seed 1``. With ``--known``, the
 measurement knows what holds for these images: the response is linear, and the detector has no error of its own
-(``response`` and ``localisation`` of `planner.MeasureOptions`). With ``--own-edges`` the pose is not given.
+(``response`` and ``localisation`` of `planner.MeasureOptions`). With ``--own-edges`` the pose is not given. With
+``--drawn``, too, the camera and the sides that are the datums are off as the plan states, which u counts with.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from errors.measurands import Decision, Localisation  # noqa: E402
 from planner import Dimension, Measurer, Registration, SensorSetting  # noqa: E402
 from planner.identity import PartRecord  # noqa: E402
 from planner.measuring.measurer import MeasureOptions  # noqa: E402
+from planner.measuring.registered import displaced  # noqa: E402
 from planner.request.resolve import resolve_wanted  # noqa: E402
 
 RADIUS_MM = 4.0
@@ -111,8 +113,8 @@ def drawn(rng):
     return moves, larger, limit
 
 
-def photograph(moves, larger, height, pose, seed):
-    """Return the image of a plate that deviates."""
+def photograph(moves, larger, height, pose, seed, sides=(0.0, 0.0)):
+    """Return the image of a plate that deviates, whose sides at x = 0 and y = 0 are moved."""
     holes = {
         name: (tuple(np.add(centre, move)), radius + 0.5 * more)
         for (name, (centre, radius)), move, more in zip(HOLES.items(), moves, larger, strict=True)
@@ -125,6 +127,8 @@ def photograph(moves, larger, height, pose, seed):
         plates.N = chords
     vertices = solid.vertices.copy()
     vertices[vertices[:, 2] > 5, 2] += height
+    for axis, side in enumerate(sides):
+        vertices[vertices[:, axis] < 1, axis] += side
     optics = Optics(
         matrix=plate.CAMERA.matrix, size=plate.CAMERA.resolution, noise=0.005, samples=4
     )
@@ -139,8 +143,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--known", action="store_true")
     parser.add_argument("--own-edges", action="store_true")
+    parser.add_argument("--drawn", action="store_true")
     parser.add_argument("--rows", type=Path, help="file of numbers that rows are added to")
     args = parser.parse_args()
+    if args.drawn and not args.own_edges:
+        parser.error("--drawn needs --own-edges")
     solid = plate.thick_plate(HOLES)
     plan = plan_of(solid)
     measurer = Measurer(plan, solid)
@@ -154,13 +161,20 @@ def main() -> None:
             options, response="linear", localisation=Localisation.gaussian(0.1, floor_px=0.0)
         )
     rng = np.random.default_rng(args.seed)
+    root = np.linalg.cholesky(plate.UNCERTAINTY.covariance)
     rows = []
     for number in range(args.images):
         moves, larger, limit = drawn(rng)
         height = SURFACES_MM * rng.standard_normal()
-        images = photograph(moves, larger, height, pose, 1000 * args.seed + number)
+        sides = np.zeros(2)
+        camera = pose
+        if args.drawn:
+            sides = SURFACES_MM * rng.standard_normal(2)
+            camera = displaced(pose, root @ rng.standard_normal(6))[0]
+        images = photograph(moves, larger, height, camera, 1000 * args.seed + number, sides)
         results = measurer.measure(images, options)
-        for name, move, more, radius in zip(HOLES, moves, larger, limit, strict=True):
+        # a position counts from the datums
+        for name, move, more, radius in zip(HOLES, moves - sides, larger, limit, strict=True):
             rows.append(row_of(results[name], move, more, radius))
     table = np.array([row for row in rows if row])
     if args.rows is not None:
@@ -193,6 +207,8 @@ def summarise(table):
     slope, offset = np.polyfit(moves.ravel(), measured.ravel(), 1)
     squared = table[:, 4]
     print(f"slope of e {slope:.4f}, offset {1e3 * offset:+.2f} um")
+    mean = 1e3 * (measured - moves).mean(axis=0)
+    print(f"mean error of the distances to the two edges {mean[0]:+.2f}, {mean[1]:+.2f} um")
     print(f"rms of e {1e3 * np.sqrt(np.mean((measured - moves) ** 2)):.2f} um, each component")
     print(f"error / u, along e: {np.sqrt(np.mean((table[:, 5] / table[:, 6]) ** 2)):.3f}")
     print(f"in the 95 % ellipse {np.mean(squared <= IN_ELLIPSE):.3f}")

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, gaussian_filter, maximum_filter, minimum_filter
 
-from aspectgraph.entities.entity_rules import PARAMETERS
+from aspectgraph.entities.entity_rules import PARAMETERS, Carrier
 from aspectgraph.solid.solid import RayScene
 from errors.measurands import Circle, Line
 from ground.convert import Meta, Shape, to_plain
@@ -74,6 +74,7 @@ _LIFT_MM = 2e-3
 _RAYS = 400_000
 # of points on an entity
 _POINTS = 128
+_MIDDLE = np.full((1, 3), 1 / 3)
 # surfaces that are nearly alike move a vertex like one
 _ALIKE = 0.1
 # what surfaces miss of a common point is noise of doubles below this
@@ -281,11 +282,29 @@ def _carried(model: PartModel) -> list[set[int]]:
     return carried
 
 
+class _Refined:
+    """Vertices and what carries them while sides of triangles are cut."""
+
+    def __init__(self, model: PartModel) -> None:
+        self.points = list(model.solid.vertices)
+        self.carried = _carried(model)
+        self.between: dict[tuple[int, int], list[int]] = {}
+
+    def cut(self, first: int, last: int, new: Array, carriers: set[int]) -> None:
+        """Cut a side at new points (n, 3) that lie on carriers."""
+        start = len(self.points)
+        numbers = list(range(start, start + len(new)))
+        self.points += list(new)
+        self.carried += [carriers] * len(new)
+        self.between[first, last] = numbers
+        self.between[last, first] = numbers[::-1]
+
+
 def _refined(model: PartModel) -> tuple[Array, NDArray[np.int64], list[set[int]]]:
-    """Return vertices (v, 3), triangles (t, 3) and carriers of a part whose rims and arcs are cut into short chords."""
-    carried = _carried(model)
-    points = list(model.solid.vertices)
-    between: dict[tuple[int, int], list[int]] = {}
+    """Return vertices (v, 3), triangles (t, 3) and carriers of a part whose round faces are cut into short chords."""
+    mesh = _Refined(model)
+    points = mesh.points
+    carried = mesh.carried
     for edge in model.edges.edges:
         circle = edge.geometry
         if not isinstance(circle, Circle):
@@ -293,27 +312,74 @@ def _refined(model: PartModel) -> tuple[Array, NDArray[np.int64], list[set[int]]
         for edge_id in edge.edge_ids:
             first, last = model.solid.edges[edge_id].vertices
             new = _on_chord(circle, points[first], points[last])
-            numbers = list(range(len(points), len(points) + len(new)))
-            points += list(new)
-            carried += [set(model.carried_by[edge.name]) for _ in new]
-            between[first, last] = numbers
-            between[last, first] = numbers[::-1]
+            mesh.cut(first, last, new, set(model.carried_by[edge.name]))
+    walls = {}
+    for corners in model.solid.triangles.tolist():
+        common = carried[corners[0]] & carried[corners[1]] & carried[corners[2]]
+        wall = _round_carrier(model, common)
+        if wall is None:
+            continue
+        walls[tuple(corners)] = wall
+        for first, last in zip(corners, (*corners[1:], corners[0]), strict=True):
+            if (first, last) not in mesh.between:
+                # triangles of a wall would stand out of it between its rims
+                new = _on_wall(wall, points[first], points[last])
+                mesh.cut(first, last, new, carried[first] & carried[last])
     triangles: list[tuple[int, int, int]] = []
     for corners in model.solid.triangles.tolist():
         outline: list[int] = []
         for first, last in zip(corners, (*corners[1:], corners[0]), strict=True):
-            outline += [first, *between.get((first, last), ())]
+            outline += [first, *mesh.between.get((first, last), ())]
         if len(outline) == len(corners):
             triangles.append(tuple(corners))
             continue
         # a fan about the middle, as more than one side may be cut
         middle = len(points)
-        points.append(np.mean([points[k] for k in corners], axis=0))
+        inside = np.array([points[k] for k in corners])
+        points.append(_between_corners(walls.get(tuple(corners)), inside, _MIDDLE)[0])
         # it stays on the faces that all corners are on
-        carried.append(set.intersection(*(carried[k] for k in corners)))
+        carried.append(carried[corners[0]] & carried[corners[1]] & carried[corners[2]])
         ends = (*outline[1:], outline[0])
         triangles += [(middle, a, b) for a, b in zip(outline, ends, strict=True)]
     return np.array(points), np.array(triangles, dtype=np.int64), carried
+
+
+def _round_carrier(model: PartModel, common: set[int]) -> Carrier | None:
+    """Return the cylinder or cone that a triangle is on, given what carries all of its corners; None if it is flat."""
+    round_one = None
+    for k in sorted(common):
+        carrier = model.carriers.surfaces[k]
+        if carrier.is_plane:
+            return None
+        round_one = round_one or carrier
+    return round_one
+
+
+def _on_wall(carrier: Carrier, first: Array, last: Array) -> Array:
+    """Return the points (n, 3) of a cylinder or cone that cut the way between two of its points into shorter ones."""
+    before, after = carrier.normals(np.array([first, last]))
+    cosine = np.clip((before @ after - carrier.lean**2) / (1.0 - carrier.lean**2), -1.0, 1.0)
+    sagitta = carrier.radius_mm * (1 - np.sqrt((1 + cosine) / 2))
+    pieces = max(1, int(np.ceil(np.sqrt(sagitta / CHORD_MM))))
+    share = np.arange(1, pieces)[:, None] / pieces
+    return _between_corners(carrier, np.array([first, last]), np.hstack([1 - share, share]))
+
+
+def _between_corners(carrier: Carrier | None, corners: Array, weights: Array) -> Array:
+    """Return points (n, 3) between corners (k, 3), with weights (n, k): on the surface that carries the corners.
+
+    The radius of a cylinder or a cone is linear in the place along its axis, as it is between the corners.
+    """
+    points = np.asarray(weights @ corners)
+    if carrier is None:
+        return points
+    off = corners - carrier.point
+    radius = np.linalg.norm(off - (off @ carrier.axis)[:, None] * carrier.axis, axis=1)
+    along = ((points - carrier.point) @ carrier.axis)[:, None] * carrier.axis
+    out = points - carrier.point - along
+    # a triangle's middle may be on the axis
+    out = out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
+    return carrier.point + along + (weights @ radius)[:, None] * out
 
 
 def _on_chord(circle: Circle, first: Array, last: Array) -> Array:

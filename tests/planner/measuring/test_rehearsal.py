@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from holed_plate import HOLES, N
 from measured_plate import TOP, measured_plan, thick_plate
 from PIL import Image
 from plan_examples import planned_dimension
@@ -126,6 +127,19 @@ def test_the_four_planes_of_a_corner_still_meet_there(seed):
     assert abs(value - plan.targets["angle"].nominal) > 0.01
     # what is left is of the second order in the deviations
     assert value == pytest.approx(np.degrees(np.arccos(cosine)), abs=0.03)
+
+
+def test_walls_of_bores_do_not_stand_out_of_their_rims(plate, plan):
+    """Rays along the axis, inside of the rim by half of what a chord of the model is off, meet nothing."""
+    part = DeviatingPart(Measurer(plan, plate).model, 0.0, np.random.default_rng(0))
+    angle = np.arange(0.0, 2 * np.pi, 0.01)
+    for (x, y), radius in HOLES.values():
+        off = 0.5 * radius * (1 - np.cos(np.pi / N))
+        way = np.stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))], axis=1)
+        start = [x, y, 2 * TOP] + (radius - off) * way
+        for one in start:
+            hit = part.scene.cast(one, np.array([[0.0, 0.0, -1.0]]))
+            assert np.isinf(hit["t_hit"]).all()
 
 
 def test_true_values_are_those_of_the_part_that_rays_meet(plate, plan):

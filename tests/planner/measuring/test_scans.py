@@ -36,6 +36,41 @@ def test_a_blurred_step_is_found_at_any_phase(angle):
     assert np.abs(off).max() < 0.005
 
 
+def sloped(distance, before, after, sigma=SIGMA):
+    """A blurred step with grey values that rise by so many each px before and after it: exact, by convolution."""
+    z = distance / sigma
+    above = 0.5 * (1 + erf(z / np.sqrt(2)))
+    density = np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi)
+    # means of max(t, 0) and min(t, 0) of a normal t
+    positive = distance * above + sigma * density
+    return step(distance) + after * positive + before * (distance - positive)
+
+
+@pytest.mark.parametrize("across", [(1.0, 0.0), (-1.0, 0.0)], ids=["bright side", "dark side"])
+@pytest.mark.parametrize(("before", "after"), [(1.5, 0.0), (-1.5, 0.0), (0.0, 1.5), (-1.0, 1.0)])
+def test_light_that_rises_beside_an_edge_does_not_move_it(before, after, across):
+    """The steepest place is off by s² (b - a) / A: .02 to .03 px here."""
+    steepest = (SIGMA**2 + 1.25) * (after - before) / 120
+    assert abs(steepest) > 0.02
+    for phase in (-0.4, -0.1, 0.25):
+        found = scan(sloped(U - 30 - phase, before, after), across=across)
+        assert found.offset[0] * across[0] == pytest.approx(phase, abs=0.006)
+
+
+def test_another_step_beside_an_edge_is_not_taken_for_a_slope():
+    """6 px beside it, a step does not move the steepest place."""
+    alone = scan(step(U - 30.1), half=6.0).offset[0]
+    beside = scan(step(U - 30.1) + step(U - 36, 0, 25), half=6.0).offset[0]
+    assert beside == pytest.approx(alone, abs=0.004)
+
+
+def test_a_scan_too_short_to_tell_slopes_keeps_the_steepest_place():
+    """Light is told apart from blur from 3 to 6 blurs beside an edge, 5 px at least."""
+    image = sloped(U - 33.2, 0.0, 1.5)
+    found = scan(image, half=4.0)
+    assert found.offset[0] == pytest.approx(3.2 + (SIGMA**2 + 1.25) * 1.5 / 120, abs=0.006)
+
+
 def test_the_blur_is_that_of_the_step():
     assert scan(step(U - 30.2)).blur_px[0] == pytest.approx(SIGMA, abs=0.15)
 
