@@ -1,10 +1,10 @@
 """Whether a backlight, a dome and coaxial light show on metal what a plan promises: path-traced, measured, counted.
 
-Needs mitsuba, see `real_images`. FOLDER keeps plans and images; a second run only measures. For each part and light a
-plan is made for metal. By default it has the poses of a plan without light, which takes less time. Parts are drawn
-whose surfaces deviate, cameras are displaced, and the light stands or hangs where its record says. Exposures are those
-of the plan. A reading is planned if the plan says that the light shows a target in a setting. Edges are named by what
-is on their other side, seen from above:
+Needs mitsuba, see `real_images`. FOLDER keeps plans and images; a second run only measures. Dimensions of other --kinds
+need another one. For each part and light a plan is made for metal. By default it has the poses of a plan without light,
+which takes less time. Parts are drawn whose surfaces deviate, cameras are displaced, and the light stands or hangs
+where its record says. Exposures are those of the plan. A reading is planned if the plan says that the light shows a
+target in a setting. Edges are named by what is on their other side, seen from above:
 
 outline   nothing: the ground lies there
 hole      a hole that goes through
@@ -25,7 +25,7 @@ import time
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +83,7 @@ class Case:
     tolerance_mm: float
     uncertainty: PoseUncertainty
     most_of_kind: int = 4
+    kinds: tuple[str, ...] = KINDS
 
 
 def cases_of(folder: Path, parts: Path | None) -> dict[str, Case]:
@@ -117,7 +118,7 @@ def dimensions_of(solid, case: Case) -> dict[str, Dimension]:
     dimensions: dict[str, Dimension] = {}
     found = {**_diameters(solid, case), **_distances(solid, case)}
     middle = np.mean(solid.bounds, axis=0)[:2]
-    for kind in KINDS:
+    for kind in case.kinds:
         own = [(place, one) for (name, place), one in found.items() if name == kind]
         own.sort(key=lambda pair: float(np.linalg.norm(np.subtract(pair[0], middle))))
         for number, (_, dimension) in enumerate(own[: case.most_of_kind]):
@@ -485,6 +486,8 @@ def parsed() -> argparse.ArgumentParser:
     parser.add_argument("folder", type=Path, help="keeps plans and images")
     parser.add_argument("--parts", type=Path, help="folder of the STEP files of NIST and MFCAD")
     parser.add_argument("--only", nargs="+", default=["plate"], help="names of parts")
+    parser.add_argument("--kinds", nargs="+", default=list(KINDS), choices=KINDS, help="of edges")
+    parser.add_argument("--most", type=int, default=4, help="dimensions of each kind")
     parser.add_argument("--lights", nargs="+", default=list(LIGHTS), choices=list(LIGHTS))
     parser.add_argument("--materials", nargs="+", default=list(ROUGHNESS))
     parser.add_argument("--seeds", nargs="*", type=int, default=[1, 2], help="none: only plan")
@@ -511,7 +514,7 @@ def main() -> int:
     cases = cases_of(options.folder, options.parts)
     readings: list[Planned] = []
     for name, light, material in itertools.product(options.only, options.lights, options.materials):
-        case = cases[name]
+        case = replace(cases[name], kinds=tuple(options.kinds), most_of_kind=options.most)
         model = bench.model(name, case, light, material)
         print(f"{material}:")
         show_plan(model)

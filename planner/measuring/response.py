@@ -514,28 +514,53 @@ class Profiles:
         places = [found_places(model, pictures[name], registered[name], half_px) for name in names]
         return cls([pictures[name] for name in names], places)
 
-    def steps(self, response: Response | None = None) -> Steps:
-        """Return the fitted steps in the light of a response, or as images have it."""
+    def steps(self, response: Response | None = None, coarse: int | None = None) -> Steps:
+        """Return the fitted steps in the light of a response, or as images have it.
+
+        Parameters
+        ----------
+        response : Response, optional
+            By what grey values become light. Default: that of each image.
+        coarse : int, optional
+            Which neighbours are made equal: an even grey value and the next one (0), or an odd one (1). Default: none.
+        """
         places = np.zeros(1)
         parts = []
         for picture, image_places, near in zip(
             self._pictures, self._places, self._near, strict=True
         ):
             image = picture.grey
-            if response is not None:
+            if response is not None or coarse is not None:
                 # what is between pixels is interpolated in light; most pixels are not near an edge
                 image = np.zeros_like(picture.levels)
                 levels = picture.levels.ravel()[near]
-                image.ravel()[near] = response.applied(levels, picture.white)
+                if coarse is not None:
+                    levels = 2 * np.floor((levels + coarse) / 2) - coarse + np.float32(0.5)
+                image.ravel()[near] = (response or picture.response).applied(levels, picture.white)
             places, values = profiles_of(image, image_places.centres, image_places.across, 1.0)
             parts.append(values / picture.white)
         return fitted_steps(places, np.concatenate(parts), self._blur, response or LINEAR)
 
     def power(self, response: Response | None = None) -> PowerEstimate:
-        """Return the power that is left in the light of a response, or as images have it."""
+        """Return the power that is left in the light of a response, or as images have it.
+
+        Faces of one brightness are rounded alike, so edges do not show by their spread what rounding does. It is the
+        more, the darker an image is. So it is tried: grey values of half as many levels are off by the square root of
+        three times as much again.
+        """
         if not len(self._edge):
             return PowerEstimate(0.0, math.inf, 0)
-        return estimated_power(self.steps(response), self._edge, self._section, self._phase)
+        power = self._power(self.steps(response))
+        if not math.isfinite(power.sd) or min(picture.white for picture in self._pictures) <= 1:
+            return power
+        shifts = [
+            self._power(self.steps(response, coarse)).excess - power.excess for coarse in (0, 1)
+        ]
+        rounding = math.hypot(*shifts) / math.sqrt(2 * 3)
+        return power._replace(sd=math.hypot(power.sd, rounding))
+
+    def _power(self, steps: Steps) -> PowerEstimate:
+        return estimated_power(steps, self._edge, self._section, self._phase)
 
     def curve(self) -> Curve | None:
         """Return the response that edges show; None if there is none that explains them."""
@@ -570,7 +595,7 @@ class Profiles:
     def _slope(self, gamma: float, black: float) -> float:
         """Return by how much the power that is left changes with the logarithm of gamma: 1 without noise."""
         low, high = (
-            self.power(Response.power(gamma * times, black)).excess
+            self._power(self.steps(Response.power(gamma * times, black))).excess
             for times in (1 / _SLOPE_TIMES, _SLOPE_TIMES)
         )
         slope = (high - low) / (2 * math.log(_SLOPE_TIMES))
