@@ -206,7 +206,7 @@ def gap_verdict(row: dict[str, Any], other: dict[str, str] | None) -> str:
 
 
 def _gaps() -> str:
-    """Return plans of both efforts beside their bounds and the smallest cover; a dash for what was not measured."""
+    """Return plans of both efforts beside their bounds and the smallest cover; cells not measured have a dash."""
     heads = ["request", "default effort, 200 s", "bound", "ratio"]
     heads += ["quick", "bound", "ratio", "poses", "smallest cover", "relaxation", "quick is"]
     with (DOCS.parent / "notebooks/anytime.csv").open(encoding="utf-8", newline="") as file:
