@@ -5,7 +5,8 @@ or from a file in `docs/measured` where computing them takes long. That file sta
 and the digests of its inputs. `--models FOLDER` reads the models in a folder again, and stores what it finds.
 `--example FOLDER` stores what `measure` wrote there of the images in `examples/measured`. `--drawing FOLDER` stores the
 rows of `benchmarks/planning/drawing_table.py` in its files `planned.json` and `registered.json`. `--real-images CSV`
-stores what `benchmarks/images/real_images.py` wrote.
+stores what `benchmarks/images/real_images.py` wrote. `--gaps JSON` stores rows of
+`benchmarks/planning/dense_optimum.py`, each in place of an older one of the same request and effort.
 """
 
 from __future__ import annotations
@@ -155,6 +156,84 @@ def _planned(row: dict[str, Any] | None) -> list[str]:
 
 def _with_positions(row: dict[str, Any], count: str, positions: str) -> str:
     return f"{row[count]} ({row[positions]})"
+
+
+# requests of the comparison in its order, and three others
+GAPS = {
+    "demo": "CTC-01, 16 edges, paper's conditions",
+    "ctc01": "CTC-01, 116 edges, paper's conditions",
+    "mfcad": "MFCAD, wide lens, paper's conditions",
+    "d2mi": "D2MI, paper's conditions",
+    "mtc": "MTC plate, wide lens, paper's conditions",
+    "mfcad-narrow": "MFCAD, narrow lens, paper's conditions",
+    "mtc-narrow": "MTC plate, narrow lens, paper's conditions",
+    "mfcad-default": "MFCAD, narrow lens, default conditions",
+    "d2mi-default": "D2MI, default conditions",
+    "own-block": "block, 14 faces, default conditions",
+    "mfcad-4-default": "mfcad_4-5-5-6-9-23, default conditions",
+    "mfcad-6-default": "mfcad_6-11-11-19, default conditions",
+}
+# a plan of so many times its bound is short enough
+_SHORT = 1.25
+
+
+def store_gaps(paths: Sequence[Path]) -> None:
+    """Store what `benchmarks/planning/dense_optimum.py` measured of requests, beside what is stored of others."""
+    from ground.faces import project_version
+    from planner.files import timestamp
+
+    old = stored("gaps")["rows"] if (MEASURED / "gaps.json").exists() else []
+    by_key = {(row["part"], row["effort"]): row for row in old}
+    for path in paths:
+        for row in json.loads(path.read_text(encoding="utf-8")):
+            by_key[row["part"], row["effort"]] = row
+    command = "python benchmarks/planning/dense_optimum.py --folder PARTS --json FILE"
+    record = {"command": command, "date": timestamp(), "program": project_version()}
+    _store("gaps", {**record, "rows": list(by_key.values())})
+
+
+def gap_verdict(row: dict[str, Any], other: dict[str, str] | None) -> str:
+    """Return whether a plan is short enough: by its bound, or by the smallest cover known, be it of another plan."""
+    if row["plan"] <= _SHORT * row["bound"]:
+        return "near the bound"
+    smallest = row["optimum"]
+    if other is not None and int(other["inspected"]) >= row["targets"]:
+        smallest = min(smallest, int(other["settings"]))
+    excess = row["plan"] - smallest
+    if excess <= 0:
+        return "smallest known"
+    return f"{excess} above the smallest known"
+
+
+def _gaps() -> str:
+    """Return plans of both efforts beside their bounds and the smallest cover; cells not measured have a dash."""
+    heads = ["request", "default effort, 200 s", "bound", "ratio"]
+    heads += ["quick", "bound", "ratio", "poses", "smallest cover", "relaxation", "quick is"]
+    with (DOCS.parent / "notebooks/anytime.csv").open(encoding="utf-8", newline="") as file:
+        plans = [row for row in csv.DictReader(file) if row["planner"] == "plan_inspection"]
+    last = {row["part"]: row for row in plans}
+    measured = {row["part"]: row for row in stored("gaps")["rows"] if row["effort"] == "quick"}
+    rows = []
+    for part, label in GAPS.items():
+        cells = [label]
+        if part in last:
+            plan = last[part]
+            cells += _beside_bound(plan["settings"], plan["inspected"], plan["bound"])
+        else:
+            cells += ["–"] * 3
+        if part in measured:
+            row = measured[part]
+            cells += _beside_bound(row["plan"], row["targets"], row["bound"])
+            cells += [f"{row['poses']:,}", row["optimum"], f"{row['relaxation']:.1f}"]
+            cells += [gap_verdict(row, last.get(part))]
+        else:
+            cells += ["–"] * 7
+        rows.append(cells)
+    return table(heads, rows)
+
+
+def _beside_bound(settings: object, edges: object, bound: object) -> list[str]:
+    return [f"{settings} for {edges}", f"{bound}", f"{float(str(settings)) / int(str(bound)):.2f}"]
 
 
 _CONDITION = ("edges", "material", "response", "bits", "state")
@@ -348,6 +427,7 @@ def _counted(rows: Sequence[dict[str, str]], total: int, method: str) -> str:
 TABLES: dict[str, Callable[[], str]] = {
     "drawing": _drawing,
     "edge-images": _edge_images,
+    "gaps": _gaps,
     "measured-example": _example,
     "model-dimensions": _model_dimensions,
     "model-zones": _model_zones,
@@ -391,6 +471,7 @@ def main() -> None:
     parser.add_argument("--example", metavar="FOLDER", type=Path)
     parser.add_argument("--drawing", metavar="FOLDER", type=Path)
     parser.add_argument("--real-images", metavar="CSV", type=Path, nargs="+")
+    parser.add_argument("--gaps", metavar="JSON", type=Path, nargs="+")
     options = parser.parse_args()
     if options.models is not None:
         measure_models(options.models)
@@ -400,6 +481,8 @@ def main() -> None:
         store_drawing(options.drawing)
     if options.real_images:
         store_real_images(options.real_images)
+    if options.gaps:
+        store_gaps(options.gaps)
     for path in pages():
         path.write_text(filled(path.read_text(encoding="utf-8")), encoding="utf-8")
 

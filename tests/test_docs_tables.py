@@ -85,6 +85,35 @@ def test_stored_values_are_of_the_images_of_the_example():
     )
 
 
+def test_measured_gaps_do_not_refute_the_bound():
+    """No cover of any poses is smaller than the bound, and a plan's own settings are columns of the pool."""
+    rows = TABLES.stored("gaps")["rows"]
+    assert {row["part"] for row in rows} <= set(TABLES.GAPS)
+    for row in rows:
+        assert row["bound"] <= row["optimum"] <= row["plan"], row["part"]
+        assert row["relaxation"] - 0.01 <= row["at_least"] <= row["optimum"], row["part"]
+        assert row["targets"] <= row["asked"]
+
+
+@pytest.mark.parametrize(
+    ("numbers", "other", "verdict"),
+    [
+        ((5, 4, 4), None, "near the bound"),
+        ((6, 4, 6), None, "smallest known"),
+        ((6, 4, 5), None, "1 above the smallest known"),
+        # another plan of as many targets is known, or of fewer
+        ((6, 3, 6), (4, 10), "2 above the smallest known"),
+        ((6, 3, 6), (4, 9), "smallest known"),
+    ],
+)
+def test_a_plan_is_short_by_its_bound_or_by_the_smallest_cover(numbers, other, verdict):
+    """The factor of the bound is 1.25."""
+    row = dict(zip(("plan", "bound", "optimum"), numbers, strict=True), targets=10)
+    if other is not None:
+        other = dict(zip(("settings", "inspected"), map(str, other), strict=True))
+    assert TABLES.gap_verdict(row, other) == verdict
+
+
 def keys_of(schema, name):
     return set(schema["$defs"][name]["properties"])
 

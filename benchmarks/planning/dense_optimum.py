@@ -1,6 +1,6 @@
 """Where the gap is: plans beside the smallest cover over a dense pool of poses, and beside the proven bound.
 
-``python benchmarks/planning/dense_optimum.py [--parts own-block ...] [--poses 200000] [--folder DIR] [--csv FILE]``
+``python benchmarks/planning/dense_optimum.py [--parts own-block ...] [--poses 200000] [--folder DIR] [--json FILE]``
 
 A plan is a few settings, and its bound says that fewer than some number can never do. Which of the two is far from what
 is possible? For each request, many poses are judged. The first twentieth looks from anywhere at the part, as many have
@@ -18,14 +18,14 @@ displaced poses before it states it, and the pool does not.
 from __future__ import annotations
 
 import argparse
-import csv
+import json
 import os
 import time
-from dataclasses import astuple, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
-from anytime import CASES, PROBABILITY, UNCERTAINTY, judge_of, solid_of
+from anytime import CASES, PROBABILITY, UNCERTAINTY, Case, judge_of, narrow, solid_of
 from scipy.optimize import Bounds, LinearConstraint, linprog, milp
 from scipy.sparse import csr_matrix
 
@@ -45,7 +45,13 @@ BLOCK_FILE = "own_block.step"
 BLOCK_EDGES = (2, 5, 10, 12, 13, 20, 28, 33, 34, 35)
 BLOCK_CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 11.0, 250.0)
 BLOCK_UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-PARTS = (BLOCK, "demo", "ctc01", "mfcad-default", "mfcad-narrow", "d2mi-default")
+# beside those of the comparison
+OTHERS = {
+    "mfcad-4-default": Case("mfcad_4-5-5-6-9-23.step", narrow(120.0), 0.98, by_default=True),
+    "mfcad-6-default": Case("mfcad_6-11-11-19.step", narrow(120.0), 0.98, by_default=True),
+}
+REQUESTS = {**CASES, **OTHERS}
+PARTS = (*CASES, BLOCK, *OTHERS)
 # poses judged at a time; the columns kept of them are where the next ones are drawn
 _ROUND = 2_000
 # of all poses, this share looks from anywhere, and as many have entities in focus
@@ -58,9 +64,10 @@ class Gap:
 
     Attributes
     ----------
-    part : str
-    targets : int
-        Targets that the plan inspects.
+    part, effort : str
+        The request, and the preset of the plan.
+    asked, targets : int
+        Targets of the request, and those of them that the plan inspects.
     plan, bound : int
         Settings of the plan, and its proven bound.
     poses, columns : int
@@ -71,9 +78,13 @@ class Gap:
         Columns that a cover of this pool needs.
     relaxation : float
         Value of the linear relaxation of the cover over this pool.
+    plan_seconds, pool_seconds : float
+        Processor time of the plan after its regions, and of pool and integer program, threads added up.
     """
 
     part: str
+    effort: str
+    asked: int
     targets: int
     plan: int
     bound: int
@@ -82,20 +93,25 @@ class Gap:
     optimum: int
     at_least: int
     relaxation: float
+    plan_seconds: float = 0.0
+    pool_seconds: float = 0.0
 
 
 def judge_for(part: str, folder: Path) -> Judge:
     """Return the judge of a request."""
-    return block_judge(folder) if part == BLOCK else judge_of(CASES[part], folder)[0]
+    return block_judge(folder) if part == BLOCK else judge_of(REQUESTS[part], folder)[0]
 
 
-def planned(part: str, judge: Judge, effort: Effort) -> InspectionPlan:
+def planned(
+    part: str, judge: Judge, effort: Effort, limit_s: float | None, seed: int
+) -> InspectionPlan:
     """Return the plan."""
+    how = {"space": judge.space, "effort": effort, "time_limit_s": limit_s, "rng": seed}
     if part == BLOCK:
-        options = InspectionOptions(space=judge.space, effort=effort)
+        options = InspectionOptions(**how)
         uncertainty = BLOCK_UNCERTAINTY
     else:
-        options = CASES[part].options(space=judge.space, effort=effort)
+        options = REQUESTS[part].options(**how)
         uncertainty = UNCERTAINTY
     space = judge.space
     return plan_inspection(
@@ -209,8 +225,10 @@ def smallest_cover(membership: np.ndarray, seconds: float) -> tuple[int, int, fl
     return round(whole.fun), at_least, float(relaxed.fun)
 
 
-def gap(part: str, judge: Judge, plan: InspectionPlan, n_poses: int, seconds: float) -> Gap:
-    """Measure one request."""
+def gap(
+    part: str, effort: str, judge: Judge, plan: InspectionPlan, n_poses: int, seconds: float
+) -> Gap:
+    """Measure one request; the integer program may take so many seconds."""
     known = np.array([setting.cam2world for setting in plan.settings])
     pool = dense_pool(judge, known, n_poses, 0)
     columns = pool.membership
@@ -220,6 +238,8 @@ def gap(part: str, judge: Judge, plan: InspectionPlan, n_poses: int, seconds: fl
     optimum, at_least, relaxation = smallest_cover(columns, seconds)
     return Gap(
         part,
+        effort,
+        len(judge.names),
         columns.shape[1],
         len(plan.settings),
         plan.lower_bound,
@@ -231,34 +251,43 @@ def gap(part: str, judge: Judge, plan: InspectionPlan, n_poses: int, seconds: fl
     )
 
 
+def measured(part: str, given: argparse.Namespace) -> Gap:
+    """Plan and measure one request, with the options of the command line."""
+    judge = judge_for(part, given.folder)
+    start = time.process_time()
+    effort = Effort.named(given.effort)
+    plan = planned(part, judge, effort, given.limit, given.seed)
+    between = time.process_time()
+    row = gap(part, given.effort, judge, plan, given.poses, given.seconds)
+    pool_seconds = time.process_time() - between
+    return replace(row, plan_seconds=between - start, pool_seconds=pool_seconds)
+
+
 def main() -> None:
-    """Print a row per request; write them to a file if one is named."""
+    """Print a row per request; add it to a file if one is named."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
     parser.add_argument("--poses", type=int, default=200_000)
     parser.add_argument("--effort", default="quick", choices=("quick", "standard", "thorough"))
+    parser.add_argument("--limit", type=float, help="seconds for the plan, wall time")
+    parser.add_argument("--seed", type=int, default=0, help="of the plan")
     parser.add_argument("--seconds", type=float, default=60.0, help="for each integer program")
     parser.add_argument("--folder", type=Path, default=Path(), help="of the parts, at any depth")
-    parser.add_argument("--csv", default=os.devnull, help="write every row to this file")
+    parser.add_argument("--json", type=Path, help="add every row to this file")
     given = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    titles = [entry.name for entry in fields(Gap)]
-    with open(given.csv, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow([*titles, "seconds"])
-        print("".join(f"{title:>14}" for title in titles), flush=True)
-        for part in given.parts:
-            start = time.process_time()
-            judge = judge_for(part, given.folder)
-            plan = planned(part, judge, Effort.named(given.effort))
-            row = gap(part, judge, plan, given.poses, given.seconds)
-            seconds = time.process_time() - start
-            values = [f"{v:.2f}" if isinstance(v, float) else v for v in astuple(row)]
-            print("".join(f"{value:>14}" for value in values) + f"{seconds:10.1f} s", flush=True)
-            writer.writerow([*values, f"{seconds:.1f}"])
-            file.flush()
+    print("".join(f"{entry.name:>16}" for entry in fields(Gap)), flush=True)
+    for part in given.parts:
+        row = {
+            k: round(v, 2) if isinstance(v, float) else v
+            for k, v in asdict(measured(part, given)).items()
+        }
+        print("".join(f"{value:>16}" for value in row.values()), flush=True)
+        if given.json is not None:
+            rows = json.loads(given.json.read_text()) if given.json.exists() else []
+            given.json.write_text(json.dumps([*rows, row], indent=1) + "\n")
 
 
 if __name__ == "__main__":
