@@ -192,16 +192,16 @@ def described(plan: Any, setting: Any) -> dict[str, Prediction]:
     dict of str to Prediction
         By name, in the setting's order.
     """
-    kept = _kept_of(Same(plan)).described
-    missing = [name for name in setting.entities if (id(setting), name) not in kept]
+    predictions = _kept_of(Same(plan)).described
+    missing = [name for name in setting.entities if (id(setting), name) not in predictions]
     if missing:
         _kept_of(Same(plan)).settings.append(setting)
         targets = targets_of(plan.targets, setting)
         means = plan.means
         for name in missing:
             here = means_at(means, setting, name)
-            kept[id(setting), name] = targets[name].describe(setting.cam2world, here)
-    return {name: kept[id(setting), name] for name in setting.entities}
+            predictions[id(setting), name] = targets[name].describe(setting.cam2world, here)
+    return {name: predictions[id(setting), name] for name in setting.entities}
 
 
 def measurements(plan: Any, setting: Any) -> dict[str, Measurement]:
@@ -219,18 +219,18 @@ def measurements(plan: Any, setting: Any) -> dict[str, Measurement]:
     dict of str to Measurement
         By name, in the setting's order; nothing of edges.
     """
-    kept = _kept_of(Same(plan)).measured
-    if id(setting) not in kept:
+    by_setting = _kept_of(Same(plan)).measured
+    if id(setting) not in by_setting:
         predictions = described(plan, setting)
         targets = targets_of(plan.targets, setting)
         dimensions = plan.dimensions
-        kept[id(setting)] = {
+        by_setting[id(setting)] = {
             name: _measurement(plan, setting, targets[name], predictions[name])
             for name in setting.entities
             if name in dimensions
         }
         _kept_of(Same(plan)).settings.append(setting)
-    return dict(kept[id(setting)])
+    return dict(by_setting[id(setting)])
 
 
 def measurements_dict(plan: Any, setting: Any) -> dict[str, dict[str, Any]]:
