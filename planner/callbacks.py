@@ -181,6 +181,12 @@ class Deadline:
         if passed > self._limit and (now >= self._armed_at or is_first_late):
             raise TimeIsUpError
 
+    def check_now(self) -> Callable[[], None]:
+        """Return a check for other processes that raises as `check` does, by what there is to end with now."""
+        latest = self._latest + _FIRST_PLAN_BEYOND_S
+        with_plan = max(self._limit, self._armed_at - self._begin)
+        return TimeLeft(self._wall_begin + max(self._limit, min(with_plan, latest))).check
+
     def wanted_bound(self, n_settings: int) -> int:
         """Return the bound that is good enough for so many settings."""
         return math.ceil(n_settings * (1.0 - self.gap) - 1e-9)

@@ -10,6 +10,9 @@ import os
 import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, TimeoutError
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import partial
 from typing import Any
 
 # between two calls of what is asked whether to go on
@@ -20,6 +23,40 @@ TERMINATING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasatt
 
 # of compiled loops that release the interpreter's lock; no result depends on it
 THREADS = 2
+
+
+Check = Callable[[], None]
+"""It raises when some work is to end."""
+
+_check_now: ContextVar[Callable[[], Check] | None] = ContextVar("check_now", default=None)
+
+
+@contextmanager
+def checked_by(check_now: Callable[[], Check] | None) -> Iterator[None]:
+    """Let `check_on_the_way` end the work in the block, also in tasks that `in_order` gives to others.
+
+    Parameters
+    ----------
+    check_now : callable or None
+        Returns a check that can be sent to other processes, as it is now. None ends nothing.
+    """
+    token = _check_now.set(check_now)
+    try:
+        yield
+    finally:
+        _check_now.reset(token)
+
+
+def check_on_the_way() -> None:
+    """End the work if it is late, see `checked_by`: to be called in pieces that take longer than a second."""
+    check_now = _check_now.get()
+    if check_now is not None:
+        check_now()()
+
+
+def _with_check(check: Check, task: Callable[..., Any], *values: Any) -> Any:
+    with checked_by(lambda: check):
+        return task(*values)
 
 
 def usable_cores() -> int:
@@ -34,6 +71,8 @@ def in_order(
     check: Callable[[], None] | None = None,
 ) -> Iterator[Any]:
     """Run a task for each tuple of arguments; yield the results in order.
+
+    Inside `checked_by`, tasks end where they call `check_on_the_way`, so that none holds up what comes after the end.
 
     Parameters
     ----------
@@ -50,6 +89,9 @@ def in_order(
             _call(check)
             yield task(*values)
         return
+    check_now = _check_now.get()
+    if check_now is not None:
+        task = partial(_with_check, check_now(), task)
     futures = [executor.submit(task, *values) for values in arguments]
     try:
         for future in futures:

@@ -28,6 +28,7 @@ from planner.callbacks import Callbacks, Deadline
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.exceptions import RequestError
+from planner.executors import checked_by
 from planner.identity import Request
 from planner.light.area_light import AreaSpace
 from planner.light.corner_light import DEFAULT_STEP
@@ -181,10 +182,12 @@ def plan_request(
     incumbents = Incumbents(callbacks)
     if memo.plan is None:
         run = SearchRun(problem, request, memo, executor=options.executor, callbacks=callbacks)
+        check_now = deadline.check_now if deadline.limited else None
         try:
             if request.poses is None:
-                plan = run_stages(run, incumbents, request.lighting)
-                memo.finish(with_light(with_split(run, plan), solid, request.lighting))
+                with checked_by(check_now):
+                    plan = with_split(run, run_stages(run, incumbents, request.lighting))
+                memo.finish(with_light(plan, solid, request.lighting))
             else:
                 memo.finish(plan_of_given(run, request.lighting))
         except TimeIsUpError:

@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 
 from errors.checks import frequency_text, probability_text
 from errors.measurands.geometry import is_short
-from planner.request.registration import means_at
 from planner.request.targets import targets_of
-from planner.verify.setting_record import search_windows_px
+from planner.verify.setting_record import described, search_windows_px
 from planner.verify.simulate_setting import (
     CONFIRMED,
     CONTRADICTED,
@@ -133,9 +132,10 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
     windows = search_windows_px(plan, setting)
     rows = []
     targets = targets_of(plan.targets, setting)
+    predictions = described(plan, setting)
     for name in setting.entities:
         target = targets[name]
-        described = target.describe(setting.cam2world, means_at(plan.means, setting, name))
+        predicted = predictions[name]
         permitted_px = target.permitted_error_px(setting.cam2world, plan.camera)
         rate = rates.get(name)
         probability = setting.probability[name]
@@ -171,9 +171,9 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
             permitted_error_px=permitted_px,
             probability=probability,
             rate=rate,
-            standard_uncertainty=described.standard_uncertainty,
+            standard_uncertainty=predicted.standard_uncertainty,
             search_window_px=windows[name],
-            budget=dict(described.budget) if has_variance else {},
+            budget=dict(predicted.budget) if has_variance else {},
             warnings=warnings,
             p_all=setting.p_all.get(name),
             entities=target.entities,

@@ -36,6 +36,7 @@ from planner.detectability.corners import (
     tip_lines,
 )
 from planner.detectability.near_contours import near_contours
+from planner.executors import check_on_the_way
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -531,6 +532,7 @@ class ImageCheck:
         margin = np.full(wanted.shape, most_px)
         if self.showing.separation_px > 0:
             for pairs in self._with_pieces(wanted):
+                check_on_the_way()
                 apart = self._separations(cam2world, pairs, self.showing.separation_px + most_px)
                 margin[tuple(pairs.T)] = apart - self.showing.separation_px
         return margin
@@ -558,6 +560,7 @@ class ImageCheck:
         if self.showing.separation_px > 0:
             required_px = self.showing.separation_px
             for pairs in self._with_pieces(meets):
+                check_on_the_way()
                 pieces = self._pieces.of_pairs(pairs)
                 near = self._has_near(cam2world, pieces.rows, self._piece_lines, required_px)
                 apart = pieces.least_distance(np.where(near, 0.0, required_px))

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from errors.measurands import Circle, Decision, DecisionRule, decide
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX, Localisation, is_short
 from errors.measurands.measurand import COVERAGE
+from planner.executors import check_on_the_way
 from planner.measuring.breaks import (
     BreakShift,
     FoundPoints,
@@ -40,7 +42,7 @@ from planner.measuring.verdict import Sampled
 from planner.request.dimension import POSITIONS, is_one_sided
 from planner.request.edge_state import EdgeState, spread_of
 from planner.request.registration import OWN_EDGES
-from planner.verify.setting_record import Measurement, measurements
+from planner.verify.setting_record import Measurement, Same, measurements
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -107,6 +109,16 @@ def foreseen_uncertainties(
     """
     if not plan.settings or not plan.dimensions:
         return []
+    return list(_all_foreseen(Same(plan), Same(solid), edge_break_mm))
+
+
+# a report and the terminal show the same
+@lru_cache(maxsize=1)
+def _all_foreseen(
+    same_plan: Same, same_solid: Same, edge_break_mm: tuple[float, float] | None
+) -> list[Foreseen]:
+    plan = same_plan.value
+    solid = same_solid.value
     measurer = Measurer(plan, solid)
     rows = []
     for number, setting in enumerate(plan.settings):
@@ -117,6 +129,7 @@ def foreseen_uncertainties(
             if any(map(is_short, plan.dimensions[name].geometry)):
                 # these have quantiles instead of variances
                 continue
+            check_on_the_way()
             state = EdgeState.of(
                 plan.dimensions[name].edge_break_mm, edge_break_mm, plan.request.edge_break_mm
             )

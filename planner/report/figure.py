@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import heapq
 import json
 import math
+import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -184,6 +186,11 @@ def box_around(points: _Array, limits: _Array, air: float = 0.08) -> _Array:
     )
 
 
+def packed(text: str) -> str:
+    """Return a text compressed with zlib, in base64: `unpackedText` in ``figures.js`` reads it."""
+    return base64.b64encode(zlib.compress(text.encode(), 9)).decode()
+
+
 def figure_html(figure: go.Figure, name: str, height: str, **config: object) -> Markup:
     """Return a figure for a page that draws it with plotly.
 
@@ -200,11 +207,10 @@ def figure_html(figure: go.Figure, name: str, height: str, **config: object) -> 
 
     drawn = json.loads(figure.to_json())
     drawn["config"] = {"displaylogo": False, "responsive": True, **config}
-    # no text in it is markup
-    text = json.dumps(drawn, separators=(",", ":")).replace("<", "\\u003c")
+    text = packed(json.dumps(drawn, separators=(",", ":")))
     return Markup(
         f'<div id="{name}" style="height:{height}; width:100%"></div>\n'
-        f'<script type="application/json" data-figure="{name}">{text}</script>'
+        f'<script type="text/plain" data-figure="{name}">{text}</script>'
     )
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import base64
+import json
 import math
-import zlib
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -21,8 +22,9 @@ from planner.argument_kinds import check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import look_at, world_to_cam
 from planner.exceptions import RequestError
+from planner.executors import checked_by
 from planner.measuring.foreseen import Foreseen, foreseen_uncertainties
-from planner.progress import report
+from planner.progress import TimeIsUpError, TimeLeft, report
 from planner.report.coverage import coverage_html
 from planner.report.figure import (
     GraphPicture,
@@ -32,6 +34,7 @@ from planner.report.figure import (
     figure_views,
     graph_picture,
     lines_of,
+    packed,
     plan_figure,
     polylines,
     scene_frame,
@@ -571,7 +574,13 @@ def packed_plotly() -> str:
     """Return plotly's script, compressed with zlib, in base64: two fifths of its size."""
     from plotly.offline import get_plotlyjs
 
-    return base64.b64encode(zlib.compress(get_plotlyjs().encode(), 9)).decode()
+    return packed(get_plotlyjs())
+
+
+_NOT_FORESEEN = (
+    "The report lacks the uncertainties that 'measure' will state: the time limit ended. A longer "
+    "--time-limit computes them."
+)
 
 
 @dataclass
@@ -590,6 +599,8 @@ class Report:
         Further sentences for the reader.
     graph : GraphPicture or None
         The joint graph of the entities that the plan needs.
+    foreseen : list of Foreseen or None
+        What `measure` will state; None if there was no time for it.
     """
 
     plan: InspectionPlan
@@ -597,6 +608,7 @@ class Report:
     values: dict[str, Any]
     notes: list[str] = field(default_factory=list)
     graph: GraphPicture | None = None
+    foreseen: list[Foreseen] | None = field(default_factory=list)
 
     def html(self) -> str:
         """Return the page; it refers to nothing outside it, and the same report gives the same page."""
@@ -610,6 +622,7 @@ class Report:
             notes=self.notes,
             graph=self.graph,
             plotly=Markup(packed_plotly()),
+            picks=Markup(packed(json.dumps(self.values["picker"].data, separators=(",", ":")))),
             base_style=asset("planner.report", "templates/base.css"),
             style=asset("planner.report", "templates/page.css"),
             drawing=asset("planner.report", "templates/figures.js"),
@@ -643,14 +656,15 @@ class Report:
 
     @property
     def left_out(self) -> list[str]:
-        """A sentence on the pictures that it lacks, because there was no time; none if it has all."""
+        """A sentence each on pictures and uncertainties that it lacks, because there was no time."""
         n = sum(not section.shots for section in self.sections)
-        if not n:
-            return []
-        return [
-            f"The report lacks the pictures of {count(n, 'setting')}: the time limit ended. A longer "
-            "--time-limit draws them."
-        ]
+        sentences = [] if self.foreseen is not None else [_NOT_FORESEEN]
+        if n:
+            sentences.append(
+                f"The report lacks the pictures of {count(n, 'setting')}: the time limit ended. A longer "
+                "--time-limit draws them."
+            )
+        return sentences
 
 
 def report_html(
@@ -734,7 +748,8 @@ def make_report(
     nouns = _nouns(plan)
     unsharp = [k for k, setting in enumerate(plan.settings, 1) if may_be_unsharp(plan, setting)]
     dimensions = dimensions_table(plan)
-    foreseen = foreseen_uncertainties(plan, space.solid)
+    in_time = _foreseen_in_time(plan, space.solid, until)
+    foreseen = in_time or []
     only_dimensions = dimensions and len(plan.dimensions) == len(plan.entities)
     values = {
         "lead": _lead(plan),
@@ -770,7 +785,20 @@ def make_report(
         "model_tolerance": MODEL_TOLERANCE,
     }
     sections = setting_sections(plan, space.solid, rows, progress, until=until)
-    return Report(plan, sections, values, list(notes))
+    late = [] if in_time is not None else [_NOT_FORESEEN]
+    return Report(plan, sections, values, [*notes, *late], foreseen=in_time)
+
+
+def _foreseen_in_time(plan: InspectionPlan, solid: Solid, until: float) -> list[Foreseen] | None:
+    """Return what `measure` will state; None if that takes more than half of the time for pictures."""
+    if until == math.inf:
+        return foreseen_uncertainties(plan, solid)
+    time_left = TimeLeft((time.time() + until) / 2.0)
+    try:
+        with checked_by(lambda: time_left.check):
+            return foreseen_uncertainties(plan, solid)
+    except TimeIsUpError:
+        return None
 
 
 def _check_arguments(plan: object, space: object) -> None:

@@ -26,6 +26,7 @@ from planner.camera.pose import (
     paper_displacement_jacobian,
     world_to_cam,
 )
+from planner.executors import check_on_the_way
 from planner.request.edge_state import SHARP, EdgeState, value_sigma
 
 if TYPE_CHECKING:
@@ -252,6 +253,8 @@ class DimensionModels:
         for i, model in enumerate(self.models):
             rows = np.flatnonzero(wanted[:, i])
             if rows.size:
+                # of a part with hundreds of dimensions, all of them take long
+                check_on_the_way()
                 result[rows, i] = model.probability(np.linalg.inv(cam2world[rows]))
         return result[wanted]
 

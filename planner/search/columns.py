@@ -17,7 +17,7 @@ from planner.callbacks import NOBODY, Callbacks, Checkpoint
 from planner.camera.pose import look_at, moved
 from planner.cover import exchange_columns, fractional_cover, maximal_columns
 from planner.effort import NORMAL, Effort
-from planner.executors import in_order
+from planner.executors import check_on_the_way, in_order
 from planner.request.problem import Problem
 from planner.request.reach import cells_of, visible_where
 from planner.search.evolution import triangular_factor
@@ -303,6 +303,7 @@ class Judge:
         columns = membership.copy()
         rows = np.flatnonzero(membership.any(axis=1))
         for first in range(0, len(rows), _ROWS):
+            check_on_the_way()
             batch = rows[first : first + _ROWS]
             displaced = np.concatenate([moved(cam2world[row], self._moves, 1.0) for row in batch])
             promised = np.repeat(membership[batch][:, self.problem.owner], _DISPLACED, axis=0)
@@ -326,6 +327,7 @@ class Judge:
         return np.ascontiguousarray(np.concatenate([moves, -moves])[:n])
 
     def _judge(self, cam2world: np.ndarray, prices: np.ndarray | None) -> Judgement:
+        check_on_the_way()
         missed = self._missed(cam2world)
         nearly = missed <= 1.0
         worth = _Worth(prices, self._by_witness)

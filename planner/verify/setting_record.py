@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from errors.checks import below_one
+from errors.measurands import Prediction
 from ground.convert import Meta, field_name, shown
 from planner.camera.camera import Camera, image_of
 from planner.camera.pose import PoseUncertainty, world_to_cam
@@ -18,7 +20,7 @@ from planner.exceptions import PlanFileError
 from planner.plan_file import Amount
 from planner.request.camera_limits import NO_RESERVE, FocusReserve, probability_share, rooms, shares
 from planner.request.registration import means_at
-from planner.request.targets import targets_of
+from planner.request.targets import Target, targets_of
 
 # How far from its prediction a line may be in the image: where a detector has to look for it.
 
@@ -140,6 +142,68 @@ class Measurement:
     ]
 
 
+@dataclass(frozen=True)
+class _Kept:
+    """What was computed of the settings of a plan; each page and table of a report asks for it again."""
+
+    described: dict[tuple[int, str], Prediction] = field(default_factory=dict)
+    measured: dict[int, dict[str, Measurement]] = field(default_factory=dict)
+    # so that no other setting gets the number of one of these
+    settings: list[Any] = field(default_factory=list)
+
+
+class Same:
+    """A value that is only equal to itself, whatever it holds: a key for what was computed from it.
+
+    Parameters
+    ----------
+    value : Any
+        The value.
+    """
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+
+    def __hash__(self) -> int:
+        return id(self.value)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Same) and self.value is other.value
+
+
+# of one plan, so that no other is kept in memory
+@lru_cache(maxsize=1)
+def _kept_of(_plan: Same) -> _Kept:
+    return _Kept()
+
+
+def described(plan: Any, setting: Any) -> dict[str, Prediction]:
+    """Return how accurately a setting measures each of its targets.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        Gives targets, camera and pose uncertainty.
+    setting : Any
+        One of its settings.
+
+    Returns
+    -------
+    dict of str to Prediction
+        By name, in the setting's order.
+    """
+    predictions = _kept_of(Same(plan)).described
+    missing = [name for name in setting.entities if (id(setting), name) not in predictions]
+    if missing:
+        _kept_of(Same(plan)).settings.append(setting)
+        targets = targets_of(plan.targets, setting)
+        means = plan.means
+        for name in missing:
+            here = means_at(means, setting, name)
+            predictions[id(setting), name] = targets[name].describe(setting.cam2world, here)
+    return {name: predictions[id(setting), name] for name in setting.entities}
+
+
 def measurements(plan: Any, setting: Any) -> dict[str, Measurement]:
     """Return how sure each dimension that a setting inspects is measured.
 
@@ -155,11 +219,18 @@ def measurements(plan: Any, setting: Any) -> dict[str, Measurement]:
     dict of str to Measurement
         By name, in the setting's order; nothing of edges.
     """
-    return {
-        name: _measurement(plan, setting, name)
-        for name in setting.entities
-        if name in plan.dimensions
-    }
+    by_setting = _kept_of(Same(plan)).measured
+    if id(setting) not in by_setting:
+        predictions = described(plan, setting)
+        targets = targets_of(plan.targets, setting)
+        dimensions = plan.dimensions
+        by_setting[id(setting)] = {
+            name: _measurement(plan, setting, targets[name], predictions[name])
+            for name in setting.entities
+            if name in dimensions
+        }
+        _kept_of(Same(plan)).settings.append(setting)
+    return dict(by_setting[id(setting)])
 
 
 def measurements_dict(plan: Any, setting: Any) -> dict[str, dict[str, Any]]:
@@ -180,19 +251,17 @@ def measurements_dict(plan: Any, setting: Any) -> dict[str, dict[str, Any]]:
     return {name: asdict(measurement) for name, measurement in measurements(plan, setting).items()}
 
 
-def _measurement(plan: Any, setting: Any, name: str) -> Measurement:
-    target = targets_of(plan.targets, setting)[name]
-    described = target.describe(setting.cam2world, means_at(plan.means, setting, name))
+def _measurement(plan: Any, setting: Any, target: Target, predicted: Prediction) -> Measurement:
     points = world_to_cam(target.points, setting.cam2world)
     margins = {
-        "probability": float(probability_share(setting.promise[name], plan.probability)),
+        "probability": float(probability_share(setting.promise[target.name], plan.probability)),
         **_image_shares(plan, points),
     }
     return Measurement(
-        described.standard_uncertainty,
-        described.expanded_uncertainty,
-        described.bias,
-        dict(described.budget),
+        predicted.standard_uncertainty,
+        predicted.expanded_uncertainty,
+        predicted.bias,
+        dict(predicted.budget),
         target.permitted_error_px(setting.cam2world, plan.camera),
         min(margins, key=lambda key: margins[key]),
     )

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from planner.executors import in_order
+from planner.executors import check_on_the_way, checked_by, in_order
 
 
 class Enough(Exception):
@@ -68,3 +68,32 @@ def test_a_time_limit_of_the_task_itself_is_its_error(check):
 
     with ThreadPoolExecutor(1) as executor, pytest.raises(TimeoutError, match="robot"):
         list(in_order(executor, task, [()], check))
+
+
+def test_tasks_end_on_the_way_and_so_does_the_work_around_them():
+    def task(k):
+        for _ in range(k):
+            check_on_the_way()
+        return k
+
+    calls = []
+
+    def check():
+        calls.append(1)
+        if len(calls) > 5:
+            raise Enough
+
+    with ThreadPoolExecutor(1) as executor, checked_by(lambda: check):
+        assert list(in_order(executor, task, [(2,), (3,)])) == [2, 3]
+        with pytest.raises(Enough):
+            list(in_order(executor, task, [(1,)]))
+        with pytest.raises(Enough):
+            check_on_the_way()
+    check_on_the_way()
+    assert len(calls) == 7
+
+
+def test_blocks_with_no_check_end_nothing():
+    with checked_by(None):
+        check_on_the_way()
+        assert list(in_order(None, abs, [(-1,)])) == [1]

@@ -45,7 +45,7 @@
   }
 
   // of a chosen target, the witness that its setting uses is bold, its others are dotted, and what is not its setting's is faint
-  const picks = read("picks"), list = document.getElementById("target"), ways = document.getElementById("ways");
+  const picks = JSON.parse(await unpackedText(document.getElementById("picks"))), list = document.getElementById("target"), ways = document.getElementById("ways");
   function lines(name, pieces, color, width, dash) {
     const at = (i) => pieces.flatMap((piece) => [...piece.map((point) => point[i]), null]);
     return { type: "scatter3d", mode: "lines", name, x: at(0), y: at(1), z: at(2), line: { color, width, dash }, hoverinfo: "skip" };

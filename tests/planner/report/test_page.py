@@ -7,6 +7,7 @@ import io
 import math
 import re
 import shutil
+import time
 import zlib
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -27,6 +28,8 @@ from planner import Lighting, LightPlan, LitImage, look_at
 from planner.files import timestamp
 from planner.identity import PartRecord
 from planner.plan import InspectionPlan
+from planner.progress import TimeIsUpError
+from planner.report import page as page_module
 from planner.report.figure import color_of, figure_views, plan_figure
 from planner.report.page import facts, make_report, report_html
 from planner.report.predicted_image import PictureMaker, png_data
@@ -289,9 +292,13 @@ def test_report_without_settings_or_simulation():
     assert ">nan<" not in page
 
 
+def unpacked(page, attribute):
+    (packed,) = re.findall(attribute + r">([A-Za-z0-9+/=]+)<", page)
+    return zlib.decompress(base64.b64decode(packed)).decode()
+
+
 def test_plotly_is_inlined_once(page):
-    (packed,) = re.findall(r'id="plotly">([A-Za-z0-9+/=]+)<', page)
-    assert zlib.decompress(base64.b64decode(packed)).decode() == get_plotlyjs()
+    assert unpacked(page, 'id="plotly"') == get_plotlyjs()
     # a report is to be sent by mail
     assert len(page) < 2_300_000
 
@@ -448,6 +455,17 @@ def test_pictures_that_had_no_time_are_replaced_by_a_sentence(page):
     assert "2 settings" in sentence
     assert "--time-limit" in sentence
     assert make_report(box_plan(), SPACE).left_out == []
+
+
+def test_a_report_lacks_uncertainties_that_there_was_no_time_for(monkeypatch):
+    def late(*_):
+        raise TimeIsUpError
+
+    monkeypatch.setattr(page_module, "foreseen_uncertainties", late)
+    report = make_report(box_plan(), SPACE, until=time.time() + 600.0)
+    (sentence,) = report.left_out
+    assert sentence.startswith("The report lacks the uncertainties that 'measure' will state")
+    assert sentence.replace("'", "&#39;") in report.html()
     names = {one.name for one in plan_figure(box_plan(), SPACE.solid, SPACE, until=0.0).data}
     every = {one.name for one in plan_figure(box_plan(), SPACE.solid, SPACE).data}
     assert every - names == {"domains of setting 1", "domains of setting 2"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import SimpleNamespace
@@ -372,6 +373,24 @@ def test_a_plan_ends_at_its_limit_and_without_one_the_search_soon_after(monkeypa
         kept.check()
     assert Deadline().of_regions() == math.inf
     assert not Deadline().of_search().limited
+
+
+def test_tasks_of_other_processes_end_when_the_search_does(monkeypatch):
+    clock = [1000.0]
+    monkeypatch.setattr(callbacks.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(callbacks.time, "time", lambda: clock[0] + 7000.0)
+    search = Deadline(time_limit_s=20.0, begun=1000.0).of_search()
+    # nothing to end with yet: until when there must be a first plan
+    waits = search.check_now().__self__.until
+    assert waits == pytest.approx(8000.0 + 20.0 + 1.5)
+    search.arm()
+    assert search.check_now().__self__.until == pytest.approx(8000.0 + 0.8 * 20.0)
+    assert Deadline().check_now().__self__.until == math.inf
+    monkeypatch.undo()
+    late = Deadline(time_limit_s=6.0, begun=-100.0)
+    late.arm()
+    with pytest.raises(TimeIsUpError):
+        pickle.loads(pickle.dumps(late.check_now()))()
 
 
 def test_work_that_comes_late_has_half_of_what_is_left(monkeypatch):
