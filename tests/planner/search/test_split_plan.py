@@ -447,6 +447,17 @@ def test_draws_without_error_models_agree_for_a_position(bolt_plan):
     assert model.standard_uncertainty(poses) == pytest.approx(least, rel=0.2)
 
 
+def test_rendered_holes_lie_within_u_of_their_positions(solid, bolt_plan):
+    for seed in (0, 1):
+        rehearsal = Rehearsal(bolt_plan, solid, seed=seed)
+        images = {rendered.shot.name: rendered.grey for rendered in rehearsal.images()}
+        bolt = measure(bolt_plan, solid, images)["bolt"]
+        assert bolt.measured, bolt.reason
+        assert [reading.image for reading in bolt.readings] == ["setting_01"] + 2 * ["setting_02"]
+        truths = [values["bolt"] for values in rehearsal.truth.values.values()]
+        assert abs(bolt.value - truths[0]) <= bolt.expanded_uncertainty
+
+
 def test_edges_longer_than_the_field_have_stretches():
     """Two edges of 160 mm, 100 mm apart, and three stretches of each: no image of 60 mm holds a pair."""
 
