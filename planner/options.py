@@ -141,9 +141,9 @@ class InspectionOptions(RunOptions):
         (0.1, 0.3). A `Dimension` may state its own. The camera sees a broken edge next to the edge
         of the model, and P and U of dimensions contain this. Default: edges are planned as sharp.
     split : {"auto", "never"}
-        Whether different settings may measure the two entities of a distance. With "auto", they do
-        where that inspects more or saves a setting. With "never", one image shows all entities of a
-        target. `measure` reads such values from all images together.
+        Whether two settings may measure the ends of a distance or angle, or a hole and its datums.
+        With "auto", they do where that inspects more or saves a setting. With "never", one image
+        shows all entities of a target. `measure` reads such values from all images together.
     poses : sequence of GivenPose, or array_like (n, 4, 4), optional
         Poses that exist, such as those of `read_poses`. The plan chooses the fewest of them, and its
         bound is that of these poses. Nothing is searched or moved. Default: poses are searched.

@@ -87,7 +87,7 @@ class InspectionPlan(PlanTables):
     not_planned : mapping of str to str
         What the CAD model requires besides the targets, by name: the reason why the command line did not plan it.
     split : mapping of str to SplitValue
-        Dimensions whose two entities different settings measure, see ``SensorSetting.ends``, and how sure each is.
+        Dimensions whose two ends different settings measure, see ``SensorSetting.ends``, and how sure each is.
     made : Made or None
         When, by whom and by which program the command line made the plan. Plans that differ only in it are equal.
     """
@@ -199,7 +199,7 @@ class InspectionPlan(PlanTables):
 
     @cached_property
     def ends(self) -> dict[str, dict[int, int]]:
-        """Of each dimension that is measured in two settings, the index of the setting of each entity."""
+        """Of each dimension that is measured in two settings, the index of the setting of each end."""
         ends: dict[str, dict[int, int]] = {}
         for k, setting in enumerate(self.settings):
             for name, entity in setting.ends.items():

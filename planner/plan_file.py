@@ -353,7 +353,7 @@ def _check_everyone_once(data: Mapping[str, Any], targets: Mapping[str, Any]) ->
 
 
 def _check_split(data: Mapping[str, Any], targets: Mapping[str, Any]) -> None:
-    """Check that what two settings measure has both of its entities in settings, each once, and is probable enough."""
+    """Check that what two settings measure has both of its ends in settings, each once, and is probable enough."""
     entities: dict[str, list[int]] = {}
     split = data.get("split", {})
     required = data["request"]["probability"]
@@ -362,15 +362,15 @@ def _check_split(data: Mapping[str, Any], targets: Mapping[str, Any]) -> None:
             path = field_name("settings", k, "ends", name)
             if name not in setting["entities"]:
                 _refuse(path, "must be of an item of the setting", name)
-            if len(targets[name]["witnesses"][0]["entities"]) != 2:
-                _refuse(path, "must be of a dimension of two entities", name)
+            if len(targets[name]["witnesses"][0]["entities"]) < 2:
+                _refuse(path, "must be of a dimension of several entities", name)
             entities.setdefault(name, []).append(entity)
     for name in (*split, *entities):
         path = field_name("split", name)
         if name not in split:
             raise PlanFileError(f"{path} must be given. Got none.")
         if sorted(entities.get(name, [])) != [0, 1]:
-            rule = "must have each of its two entities in one setting, as ends of settings say"
+            rule = "must have each of its two ends in one setting, as ends of settings say"
             _refuse(path, rule, entities.get(name, []))
         value = split[name]["p_all"]
         if value < min(required, _SHOWN_BY_COUNTING) - _SAME:

@@ -183,7 +183,7 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
 
 
 def split_rows(plan: Any) -> list[Row]:
-    """Return a row of each dimension whose two entities different settings measure: the value that both give.
+    """Return a row of each dimension whose two ends different settings measure: the value that both give.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def split_rows(plan: Any) -> list[Row]:
     Returns
     -------
     list of Row
-        The setting is that of the first entity.
+        The setting is that of the first end.
     """
     rates = plan.simulation.split if plan.simulation is not None else {}
     rows = []

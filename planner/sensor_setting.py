@@ -170,9 +170,9 @@ class SensorSetting:
         Of each entity that several sets of entities can measure, which of them this setting uses,
         from 0. See ``PlannedDimension.witnesses``.
     ends : dict of str to int
-        Of each dimension of which this setting measures one entity alone, the number of this
-        entity, from 0. Another setting measures the other one. P and P_all are then those of the
-        entity's own error, with a permitted error of r/√2.
+        Of each dimension of which this setting measures one end alone, the number of this end, 0
+        or 1. Another setting measures the other one. P and P_all are then those of the end's own
+        error, with a permitted error of r/√2. See `errors.measurands.end_groups` for the ends.
     passed_over : dict of str to dict
         Of each such entity, why the setting uses none of the other sets: ids and the reason.
     margins : dict of str to float
@@ -303,19 +303,19 @@ class SensorSetting:
 
 @dataclass(frozen=True)
 class SplitValue:
-    """How sure a dimension is whose two entities are measured in different settings.
+    """How sure a dimension is whose two ends are measured in different settings.
 
     Attributes
     ----------
     probability : float
         The probability P that the error of the value is at most the permitted one.
     p_all : float
-        The probability P_all that both displaced cameras measure their entity, and the error of the value is at most
+        The probability P_all that both displaced cameras measure their end, and the error of the value is at most
         the permitted one: a lower bound with 99.9 % confidence.
     p_all_poses : int
         Number of displaced poses of each camera.
     standard_uncertainty : float
-        u of the value, mm.
+        u of the value, in its unit.
     """
 
     probability: Share

@@ -15,6 +15,7 @@ from errors.measurands.disc import (
     disc_probability,
     position_conformance,
     quadratic_disc_probability,
+    quadratic_interval_probability,
 )
 from errors.measurands.geometry import Circle, Geometry, Line, Localisation
 from errors.measurands.measurand import (
@@ -33,7 +34,14 @@ from errors.measurands.measurand import (
     uncertainty_ratio,
 )
 from errors.measurands.position import Position, PositionFrame, PositionModel
-from errors.measurands.split import End, SplitModel, can_be_split
+from errors.measurands.split import (
+    End,
+    SplitModel,
+    can_be_split,
+    end_groups,
+    end_of_value,
+    split_model,
+)
 
 __all__ = [
     "Bonus",
@@ -60,11 +68,15 @@ __all__ = [
     "decide_position",
     "deviation_interval",
     "disc_probability",
+    "end_groups",
+    "end_of_value",
     "guard_band",
     "kind",
     "kinds",
     "measurand",
     "position_conformance",
     "quadratic_disc_probability",
+    "quadratic_interval_probability",
+    "split_model",
     "uncertainty_ratio",
 ]

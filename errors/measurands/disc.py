@@ -11,7 +11,7 @@ decision; Gil-Pelaez (1951) in two dimensions for errors of second order.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -197,10 +197,66 @@ def quadratic_disc_probability(
     return float(min(1.0, max(0.0, radius * total / n_angles)))
 
 
-def _along(values: Floats, gradient: Floats, variance: Floats, radius: float) -> float:
-    """Return the sum over directions of ∫ J₁(rs) Re φ(s) ds from 0; ``values`` are eigenvalues of the Hessian."""
+def quadratic_interval_probability(
+    gradient: ArrayLike, hessian: ArrayLike, variance: float, radius: float
+) -> float:
+    """Return P(|e| <= radius) of the error e = gδ + ½ δ'Hδ + noise of one component, exact to second order.
+
+    Parameters
+    ----------
+    gradient : array (k,)
+        g, in the k independent standard normal variables δ.
+    hessian : array (k, k)
+        H, symmetric.
+    variance : float
+        Of a further normal error, mm².
+    radius : float
+        mm; positive.
+
+    Returns
+    -------
+    float
+        In [0, 1].
+
+    Raises
+    ------
+    InvalidParameterError
+        The radius is not positive, or the variance negative.
+
+    Notes
+    -----
+    P = 2/π ∫ sin(rs) / s Re φ(s) ds over s > 0, with the characteristic function φ of e (Gil-Pelaez, 1951).
+    """
+    g = check_finite(gradient, "gradient")
+    h = check_finite(hessian, "hessian")
+    extra = check_not_negative(variance, "variance")
+    radius = check_positive(radius, "radius")
+    values, vectors = np.linalg.eigh(h)
+    along = (g @ vectors)[None]
+    if not along.any() and not values.any() and extra == 0.0:
+        return 1.0
+    total = _along(values[None], along, np.array([extra]), radius, _interval)
+    return float(min(1.0, max(0.0, 2.0 / math.pi * total)))
+
+
+def _disc(radius: float, s: Floats) -> Floats:
     from scipy.special import j1
 
+    return np.asarray(j1(radius * s))
+
+
+def _interval(radius: float, s: Floats) -> Floats:
+    return np.asarray(np.sin(radius * s) / s)
+
+
+def _along(
+    values: Floats,
+    gradient: Floats,
+    variance: Floats,
+    radius: float,
+    kernel: Callable[[float, Floats], Floats] = _disc,
+) -> float:
+    """Return the sum over directions of ∫ K(r, s) Re φ(s) ds from 0; ``values`` are eigenvalues of the Hessian."""
     spread = np.sqrt(variance + np.sum(gradient**2, axis=1) + 0.5 * np.sum(values**2, axis=1)).min()
     end = _FAR / spread
     while _modulus(values, gradient, variance, end) > 1e-12 and end * spread < 1e4:
@@ -209,10 +265,27 @@ def _along(values: Floats, gradient: Floats, variance: Floats, radius: float) ->
     nodes, weights = _legendre()
     width = end / panels
     s = (width * (np.arange(panels)[:, None] + 0.5 * (nodes + 1.0))).ravel()
-    factors = 1.0 - 1j * s[:, None] * values[:, None, :]
-    exponent = np.sum((s[:, None] * gradient[:, None, :]) ** 2 / factors + np.log(factors), axis=2)
-    phi = np.exp(-0.5 * (s**2 * variance[:, None] + exponent)).real
-    return float(np.sum(np.tile(0.5 * width * weights, panels) * j1(radius * s) * phi))
+    phi = _characteristic(values, gradient, variance, s)
+    return float(np.sum(np.tile(0.5 * width * weights, panels) * kernel(radius, s) * phi))
+
+
+def _characteristic(values: Floats, gradient: Floats, variance: Floats, s: Floats) -> Floats:
+    """Return Re φ(s) in each direction: exp(−½ (s²v + Σ (sg)² / (1 − iw) + log (1 − iw))) with w = s times eigenvalue.
+
+    In real numbers, log (1 − iw) is ½ log (1 + w²) − i arctan w. It takes a quarter of the time of complex ones.
+    """
+    n = len(values)
+    decay = np.multiply.outer(variance, s**2)
+    phase = np.zeros((n, len(s)))
+    product = np.ones((n, len(s)))
+    for k in range(values.shape[1]):
+        w = np.multiply.outer(values[:, k], s)
+        widened = 1.0 + w * w
+        shares = np.multiply.outer(gradient[:, k] ** 2, s**2) / widened
+        decay += shares
+        phase += shares * w - np.arctan(w)
+        product *= widened
+    return np.asarray(np.exp(-0.5 * decay) * product**-0.25 * np.cos(0.5 * phase))
 
 
 def _modulus(values: Floats, gradient: Floats, variance: Floats, s: float) -> float:

@@ -16,7 +16,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -702,6 +702,28 @@ class PositionComponent(Measurand):
         return np.asarray(self.position.error(fitted) @ self.shares + self.size * size)
 
 
+class QuadraticError(NamedTuple):
+    """An error Gδ + ½ δ'Hδ + noise in independent standard normal variates δ (k).
+
+    Attributes
+    ----------
+    gradient, hessian : array (c, k), (c, k, k)
+        Of each component.
+    noise : array (c, c)
+        Covariance of the noise, mm².
+    """
+
+    gradient: Floats
+    hessian: Floats
+    noise: Floats
+
+    @property
+    def covariance(self) -> Floats:
+        """Covariance of the error (c, c), mm²."""
+        g, h, noise = self
+        return np.asarray(g @ g.T + noise + 0.5 * np.einsum("aij,bji->ab", h, h))
+
+
 class PositionModel(MeasurandModel):
     """The joint second-order model of a position's error e in one image.
 
@@ -770,13 +792,26 @@ class PositionModel(MeasurandModel):
         array (c, c)
             mm²; infinite without an image.
         """
+        error = self.in_unit_variates(world_to_camera)
+        if error is None:
+            n = len(self.measurand.frame.errors)
+            return np.full((n, n), math.inf)
+        return error.covariance
+
+    def in_unit_variates(self, world_to_camera: ArrayLike) -> QuadraticError | None:
+        """Return e at one pose as a quadratic form of the camera's displacement; None without an image.
+
+        Parameters
+        ----------
+        world_to_camera : array_like (4, 4)
+            Planned pose.
+        """
         pose = np.asarray(world_to_camera, dtype=np.float64)[None]
         seen, gradient, hessian, noise = self._expand(pose)
         if not seen[0]:
-            return np.full(noise.shape[2:], math.inf)
-        g = gradient[0] @ self._root
+            return None
         h = np.einsum("ji,ajk,kl->ail", self._root, hessian[0], self._root)
-        return np.asarray(g @ g.T + noise[0].sum(axis=0) + 0.5 * np.einsum("aij,bji->ab", h, h))
+        return QuadraticError(gradient[0] @ self._root, h, noise[0].sum(axis=0))
 
     def describe(self, world_to_camera: ArrayLike) -> Prediction:
         """Return how sure the position is measured from one pose, along the axis in which e is largest.

@@ -375,8 +375,8 @@ class SearchEffort:
     gap
         end the search when at most this share of the settings is unproven, like 20%
     split
-        auto: different settings may measure the two entities of a distance, where that inspects more or saves a
-        setting; never: one image shows both (default: auto)
+        auto: two settings may measure the ends of a distance or angle, or a hole and its datums, where that inspects
+        more or saves a setting; never: one image shows all (default: auto)
     seed
         same seed, same plan
     simulate

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from errors.measurands import Circle, DecisionRule, Localisation, Position
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
-from errors.measurands.split import End, can_be_split
+from errors.measurands.split import End, can_be_split, end_groups
 from ground.blas import with_one_thread
 from ground.faces import project_version
 from ground.short_repr import short_repr
@@ -836,7 +836,7 @@ class Measurer:
         ends = {}
         for name in (*self.plan.split, *self.plan.uninspectable):
             value = self._split_target(name).measurand
-            if not (can_be_split(value) or isinstance(value, Position)):
+            if not can_be_split(value):
                 continue
             ends[name] = [
                 MeasuredEnd(name, End(value, k), self.model.entity(shape, name), self.model)
@@ -867,8 +867,9 @@ class Measurer:
                 continue
             planned = self.plan.settings[shot.setting].ends
             for name, ends in self._ends.items():
+                groups = end_groups(ends[0].value.whole)
                 for k, end in enumerate(ends):
-                    is_planned = planned.get(name) == k
+                    is_planned = name in planned and k in groups[planned[name]]
                     if not is_planned and (
                         image.method != OWN_EDGES
                         or not end.is_shown(image, self.plan.camera, options.coverage)
@@ -948,7 +949,7 @@ class Measurer:
         spread = first.standard_uncertainty
         if isinstance(target.measurand, Position) and first.measured:
             axes = np.eye(len(target.measurand.frame.errors))
-            components = [End(target.measurand.along(axis), end.value.entity) for axis in axes]
+            components = [End(target.measurand.along(axis), end.value.entities) for axis in axes]
             spread = math.hypot(*(read(value).standard_uncertainty for value in components))
         return ScannedEnd(read, first, spread)
 

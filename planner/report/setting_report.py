@@ -391,7 +391,7 @@ def _row(plan: InspectionPlan, k: int, name: str, measurement: Measurement) -> l
 
 
 def _split_row(plan: InspectionPlan, row: Row) -> list[Any]:
-    """Return the row of a dimension whose entities two settings measure: the value that both give."""
+    """Return the row of a dimension whose ends two settings measure: the value that both give."""
     setting = plan.settings[row.setting - 1]
     dimension: Any = targets_of(plan.targets, replace(setting, ends={}))[row.name]
     expanded = 2 * row.standard_uncertainty
@@ -414,7 +414,7 @@ def _split_row(plan: InspectionPlan, row: Row) -> list[Any]:
         digits_text(row.standard_uncertainty, 3),
         [],
         _accepted(dimension, row.standard_uncertainty),
-        "both entities together",
+        "both ends together",
     ]
 
 

@@ -371,7 +371,7 @@ def _measurements(plan: InspectionPlan) -> tuple[list[Column], list[tuple[Any, .
 
 
 def both_settings(plan: InspectionPlan, name: str) -> str:
-    """Return the numbers of the settings that measure the entities of a dimension."""
+    """Return the numbers of the settings that measure the ends of a dimension."""
     first, second = sorted(plan.ends[name].values())
     return f"{first + 1} + {second + 1}"
 

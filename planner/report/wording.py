@@ -565,7 +565,7 @@ def split_sentence(plan: InspectionPlan) -> str:
         parts.append(f"{name} by settings {first + 1} and {second + 1}")
     verb = "is" if len(parts) == 1 else "are"
     which = count(len(parts), "dimension")
-    return f"{which} {verb} measured by two settings, one entity in each: {', '.join(parts)}."
+    return f"{which} {verb} measured by two settings, one end in each: {', '.join(parts)}."
 
 
 def brief_verdict(plan: InspectionPlan) -> str:

@@ -1,4 +1,6 @@
-"""Targets whose entities different images may measure: each becomes two ends, which are targets of a search.
+"""Targets that two images may measure: each becomes two ends, which are targets of a search.
+
+An end is one of two entities, or a group of the entities of a position (`errors.measurands.end_groups`).
 
 A cover of "all of it, or all ends" is a plain cover of ends, if a pose that measures all of a target counts as one that
 measures each of its ends. So the whole is a further witness of each end.
@@ -13,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.measurands import End
+from errors.measurands import End, end_groups
 from planner.camera.pose import PoseUncertainty
 from planner.request.models import Key, Lifts, OwnEdges, key_of
 from planner.request.problem import Problem
@@ -30,7 +32,7 @@ NEVER = "never"
 
 _END = " \x1fend"
 WHOLE = -1
-"""Number of the entity of a target that is not split."""
+"""Number of the end of a target that is not split."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ class Split(NamedTuple):
     owner : array of int (e,)
         Which target of the original request each of them belongs to.
     entity : array of int (e,)
-        Number of its entity; `WHOLE` of a target that is not split.
+        Number of its end; `WHOLE` of a target that is not split.
     """
 
     problem: Problem
@@ -81,7 +83,7 @@ def end_name(name: str, entity: int) -> str:
 
 
 def target_and_end(name: str) -> tuple[str, int]:
-    """Return the name of a target and the number of its entity, `WHOLE` of a name that is no end's."""
+    """Return the name of a target and the number of its end, `WHOLE` of a name that is no end's."""
     target, _, entity = name.partition(_END)
     return target, int(entity) if entity else WHOLE
 
@@ -92,10 +94,9 @@ def split_names(problem: Problem) -> list[str]:
 
 
 def ends_apart(problem: Problem, names: Sequence[str]) -> Split:
-    """Return the request of a bound for plans that may split some targets: their entities count one by one.
+    """Return the request of a bound for plans that may split some targets: their ends count one by one.
 
-    Whatever images measure a target, each of its entities is in one of them, and meets the conditions of the proof
-    there.
+    Whatever images measure a target, each of its ends is in one of them, and meets the conditions of the proof there.
     """
     problem = problem.restricted_to(names)
     return split_problem(problem, split_names(problem), any_way=True)
@@ -183,8 +184,9 @@ def _registered(problem: Problem, names: Collection[str]) -> OwnEdges | PoseUnce
             continue
         for witness in target.witnesses:
             whole = own_edges.lifts[key_of(target.name, witness.entities)]
-            for k, entity in enumerate(witness.entities):
-                lifts[key_of(target.name, (entity,))] = Lifts(
-                    whole.surfaces[k : k + 1], whole.motions[k : k + 1], whole.free
+            for group in map(list, end_groups(witness.measurand)):
+                names_of_end = [witness.entities[k] for k in group]
+                lifts[key_of(target.name, names_of_end)] = Lifts(
+                    whole.surfaces[group], whole.motions[group], whole.free
                 )
     return replace(own_edges, lifts=lifts)

@@ -19,7 +19,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errors.checks import percent_text
-from errors.measurands import Circle, End, Line, Localisation, Measurand, Position
+from errors.measurands import (
+    Circle,
+    Line,
+    Localisation,
+    Measurand,
+    Position,
+    end_groups,
+    end_of_value,
+)
 from errors.measurands import can_be_split as measurand_can_be_split
 from errors.measurands.geometry import Geometry
 from errors.measurands.measurand import measurand
@@ -905,27 +913,30 @@ END_SHARE = math.sqrt(0.5)
 
 
 def can_be_split(target: Target) -> bool:
-    """Return whether settings may measure the entities of a target apart."""
+    """Return whether two settings may measure a target, an end in each."""
     return isinstance(target, PlannedDimension) and measurand_can_be_split(target.measurand)
 
 
-def end_of(target: Target, entity: int) -> PlannedDimension:
-    """Return one entity of a target as a target of its own: what it has in the value, with its share of the error.
+def end_of(target: Target, end: int) -> PlannedDimension:
+    """Return one end of a target as a target of its own: what it has in the value, with its share of the error.
 
     Parameters
     ----------
     target : Target
         One that `can_be_split`. Each of its witnesses gives one of the end.
-    entity : int
-        Number of the entity.
+    end : int
+        0 or 1. It is one of two entities, or a group of them, see `errors.measurands.end_groups`.
     """
     assert isinstance(target, PlannedDimension)
-    witnesses = tuple(
-        Witness((witness.records[entity],), End(witness.measurand, entity))
-        for witness in target.witnesses
-    )
+    witnesses = []
+    for witness in target.witnesses:
+        group = end_groups(witness.measurand)[end]
+        records = tuple(witness.records[k] for k in group)
+        witnesses.append(Witness(records, end_of_value(witness.measurand, group)))
     error = END_SHARE * target.permitted_error
-    return replace(target, witnesses=witnesses, permitted_error=error, tolerance=None, share=None)
+    return replace(
+        target, witnesses=tuple(witnesses), permitted_error=error, tolerance=None, share=None
+    )
 
 
 def words_of(targets: Mapping[str, Target]) -> TargetWords:
@@ -1000,7 +1011,7 @@ class WitnessChoice(NamedTuple):
     stretch_mm : float
         Of edges that are longer, stretches of about this length are considered, too.
     apart : bool
-        Whether two images may show the entities of a dimension.
+        Whether two images may show the ends of a dimension.
     """
 
     n_witnesses: int = 1
@@ -1041,8 +1052,8 @@ def kept_witnesses(witnesses: Sequence[Witness], choice: WitnessChoice) -> list[
     fitting = [k for k in needed if _extent_mm(witnesses[k]) <= choice.widest_mm]
     candidates = fitting or needed[:1]
     if not fitting and choice.apart and measurand_can_be_split(witnesses[needed[0]].measurand):
-        # no image shows all of it: of the shortest entities those in the middle
-        extents = [_longest_mm(witnesses[k]) for k in needed]
+        # no image shows all of it: of the shortest ends those in the middle
+        extents = [_longest_end_mm(witnesses[k]) for k in needed]
         shortest = [
             k for k, extent in zip(needed, extents, strict=True) if extent <= 1.01 * min(extents)
         ]
@@ -1058,11 +1069,12 @@ def kept_witnesses(witnesses: Sequence[Witness], choice: WitnessChoice) -> list[
     return sorted(candidates[k] for k in chosen)
 
 
-def _longest_mm(witness: Witness) -> float:
-    """Return how far apart two points of one entity of a witness are at most."""
+def _longest_end_mm(witness: Witness) -> float:
+    """Return how far apart two points of one end of a witness are at most."""
     longest = 0.0
-    for shape in witness.geometry:
-        first, last = _farthest(_points_on(shape))
+    for group in end_groups(witness.measurand):
+        points = np.concatenate([_points_on(witness.geometry[k]) for k in group])
+        first, last = _farthest(points)
         longest = max(longest, float(np.linalg.norm(last - first)))
     return longest
 

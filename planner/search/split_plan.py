@@ -1,4 +1,4 @@
-"""Plans whose targets may be measured by two settings, one entity each, where that inspects more or saves a setting.
+"""Plans whose targets may be measured by two settings, one end each, where that inspects more or saves a setting.
 
 A plan of whole targets comes first, with its bound. Then ends join the columns of its poses, and of poses that are
 searched for targets without a setting. A cover of these columns is settled as any other one, but settings of the plan
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from errors.measurands import SplitModel
+from errors.measurands import SplitModel, split_model
 from ground.shared import Shared
 from planner.bound.lower_bound import exclusion_proof, lower_bound
 from planner.cover import few_columns, maximal_columns
@@ -543,7 +543,7 @@ class _SplitSearch:
         means = replace(run.request.means, localisation=target.localisation)
         models = [target.description(means_at(means, setting, name)) for setting in settings]
         poses = np.array([setting.cam2world for setting in settings])
-        return SplitModel(*models), np.linalg.inv(poses)
+        return split_model(*models), np.linalg.inv(poses)
 
     def _target(self, name: str, setting: SensorSetting) -> PlannedDimension:
         target = self._run.problem.measured[name]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.special import betaincinv
 
-from errors.measurands import Circle, Geometry, Localisation
+from errors.measurands import Circle, End, Geometry, Localisation
 from ground.convert import STATED
 from ground.decorators import entry_kernel, kernel_without_refcounts
 from planner.camera.camera import Camera, image_of, undistorted_px
@@ -252,6 +252,7 @@ def measured_errors(
     poses: NDArray[np.float64],
     camera: Camera,
     rng: np.random.Generator,
+    off_mm: Sequence[NDArray[np.float64]] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Measure a dimension from displaced poses.
 
@@ -267,18 +268,24 @@ def measured_errors(
         The camera.
     rng : numpy.random.Generator
         For errors of localisation, and for the phases of the pixel grid.
+    off_mm : sequence of array (n, 3), optional
+        Of each entity: how far its face is off its place. Default: drawn from ``surfaces_mm`` of the dimension.
 
     Returns
     -------
-    error : array (n,)
-        Measured value minus what is measured at the planned pose, mm (angles: degrees); nan without an image.
+    error : array (n,) or (n, c)
+        Measured value minus what is measured at the planned pose, mm (angles: degrees); nan without an image. Of one
+        end of a value: its components, which add up over the ends.
     outside : array of bool (n,)
         Whether a point of the entities is outside the image.
     """
     value = dimension.measurand
     outside = np.zeros(len(poses), dtype=bool)
     fits = []
-    real = _before_real_faces(dimension, poses, rng)
+    if off_mm is None:
+        real = _before_real_faces(dimension, poses, rng)
+    else:
+        real = [_moved(poses, off) for off in off_mm]
     for geometry, frame, seen_from in zip(dimension.geometry, value.frames, real, strict=True):
         points = _points(geometry, dimension, planned, camera)
         pixels = _pixels(points, seen_from, camera)
@@ -302,6 +309,8 @@ def measured_errors(
         fits.append(
             _circles(flat, geometry.radius_mm) if isinstance(geometry, Circle) else _lines(flat)
         )
+    if isinstance(value, End) and off_mm is not None:
+        return value.components_of(fits), outside
     return value.value(fits), outside
 
 

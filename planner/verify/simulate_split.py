@@ -1,19 +1,20 @@
-"""Values of two settings simulated: both cameras are displaced, and each measures its entity.
+"""Values of two settings simulated: both cameras are displaced, and each measures its end.
 
-As in `planner.verify.simulate_setting`, nothing here uses error models. A face that carries both entities has one
-deviation. What surfaces do to each end after registration is drawn for each end by itself.
+As in `planner.verify.simulate_setting`, nothing here uses error models. A face that carries entities of both ends has
+one deviation.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from errors.measurands import Position, end_groups
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.request.problem import Problem
@@ -35,14 +36,14 @@ _AT_ONCE = 1000
 
 @dataclass(frozen=True, eq=False)
 class SplitCameras:
-    """A dimension, and the two cameras that measure an entity of it each.
+    """A dimension, and the two cameras that measure an end of it each.
 
     Attributes
     ----------
     target : PlannedDimension
         The whole dimension, with one witness and what it has from the request.
     planned : sequence of array (4, 4)
-        The pose for each entity.
+        The pose for each end.
     knowledge : sequence of (PoseKnowledge or None)
         What registration tells of each pose, under the name of the target.
     camera : Camera
@@ -63,9 +64,24 @@ class SplitCameras:
         return [replace(end_of(self.target, k), surfaces_mm=0.0) for k in range(2)]
 
     @cached_property
-    def _on_one_face(self) -> bool:
-        index, _ = self.target.measurand.surfaces
-        return bool(index[0] == index[1])
+    def _groups(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        return end_groups(self.target.measurand)
+
+    def length_of(self, components: Array) -> Array:
+        """Return errors (n,) of the value by sums of the components of both ends (n, c)."""
+        if isinstance(self.target.measurand, Position):
+            return np.asarray(2.0 * np.linalg.norm(components, axis=1))
+        return components[:, 0]
+
+    def _off_mm(self, rng: np.random.Generator, n: int) -> list[Array]:
+        """Return how far the face of each entity of the value is off its place, (n, 3) mm each."""
+        index, normals = self.target.measurand.surfaces
+        faces = {
+            k: rng.normal(0.0, self.target.surfaces_mm, n) for k in dict.fromkeys(index.tolist())
+        }
+        return [
+            faces[k][:, None] * normal for k, normal in zip(index.tolist(), normals, strict=True)
+        ]
 
     def draws(self, seed: Sequence[int]) -> SplitDraws:
         """Return a source of draws."""
@@ -84,33 +100,32 @@ class SplitCameras:
         Returns
         -------
         error : array (n,)
-            Measured value minus the real one, mm; nan without an image.
+            Measured value minus the real one, in the unit of the value; nan without an image.
         outside : array of bool (n,)
             Whether a point of an entity is outside its image.
         """
         n = len(poses[0])
-        first = draws.rng.normal(size=n)
-        second = first if self._on_one_face else draws.rng.normal(size=n)
-        _, normals = self.target.measurand.surfaces
-        total = np.zeros(n)
+        off_mm = self._off_mm(draws.rng, n)
+        total: Any = 0.0
         outside = np.zeros(n, dtype=bool)
-        for k, face in enumerate((first, second)):
+        is_position = isinstance(self.target.measurand, Position)
+        for k, group in enumerate(self._groups):
             values = draws.values[k]
-            seen_from = values.of(poses[k])
-            by_surfaces = values.by_surfaces(self.target.name)
-            if by_surfaces is None:
-                off = self.target.surfaces_mm * face[:, None] * normals[k]
-                seen_from = seen_from.copy()
-                seen_from[:, :3, 3] -= off
-            end = self._ends[k]
-            error, lost = measured_errors(end, self.planned[k], seen_from, self.camera, draws.rng)
-            if values.registered:
-                _, lost = measured_errors(end, self.planned[k], poses[k], self.camera, draws.rng)
-            total += error
+            by_surfaces = None if is_position else values.by_surfaces(self.target.name)
+            off = [off_mm[entity] for entity in group]
             if by_surfaces is not None:
-                total += draws.rng.normal(0.0, by_surfaces, n)
+                off = [np.zeros((n, 3))] * len(group)
+            measured = partial(
+                measured_errors, self._ends[k], self.planned[k], camera=self.camera, rng=draws.rng
+            )
+            error, lost = measured(values.of(poses[k]), off_mm=off)
+            if values.registered:
+                _, lost = measured(poses[k], off_mm=off)
+            total = total + error
+            if by_surfaces is not None:
+                total = total + draws.rng.normal(0.0, by_surfaces, (n, 1))
             outside |= lost
-        return total, outside
+        return self.length_of(total), outside
 
 
 class SplitDraws:

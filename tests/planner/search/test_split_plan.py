@@ -1,4 +1,4 @@
-"""Distances larger than the field of view: two settings measure one entity each."""
+"""Values larger than the field of view: two settings measure one end each."""
 
 import math
 from dataclasses import replace
@@ -8,7 +8,7 @@ import pytest
 from measured_plate import thick_plate, upper_rims
 from plan_examples import witness
 
-from errors.measurands import End, Line, Localisation, SplitModel, measurand
+from errors.measurands import End, Line, Localisation, SplitModel, measurand, split_model
 from planner import (
     Camera,
     Dimension,
@@ -25,6 +25,7 @@ from planner.exceptions import PlanFileError
 from planner.measuring.rehearsal import Rehearsal
 from planner.report.wording import brief_verdict
 from planner.request.reach import entity_space
+from planner.request.resolve import resolve_wanted
 from planner.request.split import WHOLE, split_problem, target_and_end
 from planner.request.targets import (
     END_SHARE,
@@ -342,7 +343,7 @@ def unsure(data):
     ("damage", "message"),
     [
         (without_value, "split.length must be given"),
-        (without_end, "split.length must have each of its two entities in one setting"),
+        (without_end, "split.length must have each of its two ends in one setting"),
         (unsure, "split.length.p_all must be at least the required probability"),
     ],
 )
@@ -370,6 +371,91 @@ def test_registered_values_of_rendered_images_lie_within_u(solid, plan):
     assert abs(length.value - truth) <= length.expanded_uncertainty
     images_of_ends = [setting_name(plan.ends["length"][k]) for k in range(2)]
     assert [reading.image for reading in length.readings] == images_of_ends
+
+
+@pytest.fixture(scope="module")
+def bolt_plan(solid, plan):
+    """The left bore is 60 mm from its datums, the right side and the right bore: an image for each end."""
+    left, right = upper_rims(solid)
+    side = next(
+        k
+        for k in range(len(solid.edges))
+        if np.allclose(solid.edge_points(k).mean(axis=0), [LENGTH_MM, 25.0, 40.0])
+    )
+    item = Dimension.position(left, [side, right], 1.2, share=0.25)
+    _, (bolt,) = resolve_wanted(solid, {"bolt": item}, 0.8)
+    request = replace(plan.request, targets=(plan.targets["bore"], bolt))
+    poses = look_at([[x, 25.0, 290.0] for x in (20.0, 61.5)], [40.0, 25.0, 40.0], roll=0.0)
+    settings = []
+    for k, pose in enumerate(poses):
+        straight = pose.copy()
+        # the side of 50 mm lies along the longer side of the image
+        straight[:3, :3] = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
+        settings.append(
+            replace(
+                plan.settings[0],
+                cam2world=straight,
+                entities=("bolt",),
+                ends={"bolt": k},
+                witness={},
+                probability={"bolt": 0.9},
+                p_all={"bolt": 0.9},
+            )
+        )
+    first = replace(
+        settings[0],
+        entities=("bore", "bolt"),
+        probability={"bore": 0.9, "bolt": 0.9},
+        p_all={"bore": 0.9, "bolt": 0.9},
+    )
+    value = replace(plan.split["length"], probability=0.9, p_all=0.9)
+    return replace(
+        plan,
+        request=request,
+        settings=(first, settings[1]),
+        uninspectable={},
+        split={"bolt": value},
+        simulation=None,
+    )
+
+
+def test_a_hole_far_from_its_datums_is_an_end_of_its_own(bolt_plan):
+    """Both are 60 mm apart, and the field is 52 x 43 mm."""
+    bolt = bolt_plan.targets["bolt"]
+    ends = [targets_of(bolt_plan.targets, setting)["bolt"] for setting in bolt_plan.settings]
+    assert [len(end.entities) for end in ends] == [1, 2]
+    assert ends[0].entities + ends[1].entities == bolt.entities
+    assert ends[0].permitted_error == pytest.approx(END_SHARE * bolt.permitted_error)
+
+
+def test_draws_without_error_models_agree_for_a_position(bolt_plan):
+    """Cameras, points and faces are drawn, and the frame is found from what is fitted."""
+    cameras = cameras_of(bolt_plan, "bolt")
+    means = replace(bolt_plan.request.means, localisation=bolt_plan.targets["bolt"].localisation)
+    model = split_model(cameras.target.description(means))
+    poses = np.linalg.inv(np.array(cameras.planned))
+    predicted = model.probability(poses)
+    n = 20_000
+    draws = cameras.draws([5])
+    error, outside = cameras.errors(draws, draws.poses(n))
+    assert not outside.any()
+    assert 0.5 < predicted < 0.999
+    permitted = cameras.target.permitted_error
+    assert predicted == pytest.approx(np.mean(np.abs(error) <= permitted), abs=0.01)
+    # straight above, a camera is off by its place, and by its tilt times the height
+    least = 2 * math.sqrt(2 * (0.03**2 + (250 * 1e-4) ** 2))
+    assert model.standard_uncertainty(poses) == pytest.approx(least, rel=0.2)
+
+
+def test_rendered_holes_lie_within_u_of_their_positions(solid, bolt_plan):
+    for seed in (0, 1):
+        rehearsal = Rehearsal(bolt_plan, solid, seed=seed)
+        images = {rendered.shot.name: rendered.grey for rendered in rehearsal.images()}
+        bolt = measure(bolt_plan, solid, images)["bolt"]
+        assert bolt.measured, bolt.reason
+        assert [reading.image for reading in bolt.readings] == ["setting_01"] + 2 * ["setting_02"]
+        truths = [values["bolt"] for values in rehearsal.truth.values.values()]
+        assert abs(bolt.value - truths[0]) <= bolt.expanded_uncertainty
 
 
 def test_edges_longer_than_the_field_have_stretches():
