@@ -227,15 +227,15 @@ class DeviatingPart:
         for group, rows in groups.items():
             if not group:
                 continue
-            surfaces = sorted(group)
-            carriers = [self._model.carriers.surfaces[k] for k in surfaces]
+            numbers = sorted(group)
+            carriers = [self._model.carriers.surfaces[k] for k in numbers]
             places = points[rows]
             normals = np.stack([carrier.normals(places) for carrier in carriers], axis=1)
             # a blend begins where its plane is, or the straight edges that end there would turn
             flat = [carrier.is_plane for carrier in carriers]
             normals[_blended(normals, np.array(flat))] = 0.0
             offsets = np.stack([carrier.offsets(places) for carrier in carriers], axis=1)
-            yield _Meeting(np.array(rows), np.array(surfaces), normals, offsets)
+            yield _Meeting(np.array(rows), np.array(numbers), normals, offsets)
 
     def _closed(self, points: Array, carried: list[set[int]], drawn: Array, scales: Array) -> Array:
         """Return standard normal deviations (k, p) given that surfaces that meet in a point still do.

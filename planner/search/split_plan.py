@@ -541,9 +541,9 @@ class _SplitSearch:
         run = self._run
         target = self._target(name, settings[0])
         means = replace(run.request.means, localisation=target.localisation)
-        models = [target.description(means_at(means, setting, name)) for setting in settings]
+        first, second = (target.description(means_at(means, setting, name)) for setting in settings)
         poses = np.array([setting.cam2world for setting in settings])
-        return split_model(*models), np.linalg.inv(poses)
+        return split_model(first, second), np.linalg.inv(poses)
 
     def _target(self, name: str, setting: SensorSetting) -> PlannedDimension:
         target = self._run.problem.measured[name]
