@@ -14,6 +14,7 @@ from errors.checks import frequency_text, probability_text
 from errors.measurands.geometry import is_short
 from planner.request.registration import means_at
 from planner.request.targets import targets_of
+from planner.sensor_setting import Foreseen
 from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_setting import (
     CONFIRMED,
@@ -77,6 +78,8 @@ class Row:
         P_all as stated; None in a plan that did not count it.
     entities : tuple of str
         Ids of the entities that measure it here.
+    foreseen : Foreseen or None
+        The U that `measure` will state; None of a length, and where the plan does not hold it.
     rate : SuccessRate or None
         What simulation gave.
     standard_uncertainty : float
@@ -104,6 +107,7 @@ class Row:
     warnings: tuple[Warned, ...] = ()
     p_all: float | None = None
     entities: tuple[str, ...] = ()
+    foreseen: Foreseen | None = None
 
     @property
     def promise(self) -> float:
@@ -131,6 +135,7 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
     rates = plan.simulation.rates[k] if plan.simulation is not None else {}
     images = plan.simulation.shown if plan.simulation is not None else None
     windows = search_windows_px(plan, setting)
+    foreseen = {row.name: row for row in plan.foreseen if row.setting == k}
     rows = []
     targets = targets_of(plan.targets, setting)
     for name in setting.entities:
@@ -177,6 +182,7 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
             warnings=warnings,
             p_all=setting.p_all.get(name),
             entities=target.entities,
+            foreseen=foreseen.get(name),
         )
         rows.append(row)
     return rows

@@ -65,6 +65,7 @@ from planner.files import (
 )
 from planner.identity import Made, Request, digest_of
 from planner.inspection import plan_request, space_of, visible_regions, with_light
+from planner.measuring.foreseen import with_foreseen
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan
 from planner.plan_file import Amount, Count
@@ -532,6 +533,7 @@ class FolderWork:
         # what can be read only once has no digest
         digest = file_digest(Path(self.part)) if Path(self.part).is_file() else ""
         made = Made.now(request, digest, self.operator)
+        plan = with_foreseen(plan, self.solid)
         plan = replace(plan, made=made, not_planned=self.not_planned)
         try:
             written = write_outputs(

@@ -77,7 +77,6 @@ from planner.files import (
     print_json,
 )
 from planner.identity import Request, first_difference
-from planner.measuring.foreseen import foreseen_uncertainties
 from planner.optics import (
     DISTANCES_MM,
     OPTICS_COLUMNS,
@@ -556,7 +555,7 @@ def _print_planned(
     if options.json:
         print_json(plan_record(result, files, job.targets.left_out))
         return
-    terminal_tables.print_plan(result, foreseen_uncertainties(result, job.solid))
+    terminal_tables.print_plan(result)
     if result.cell:
         print_arm(result)
     print_unit(job.part, job.reading.get("units"))

@@ -40,6 +40,7 @@ from planner.measuring.verdict import Sampled
 from planner.request.dimension import POSITIONS, is_one_sided
 from planner.request.edge_state import EdgeState, spread_of
 from planner.request.registration import OWN_EDGES
+from planner.sensor_setting import Foreseen
 from planner.verify.setting_record import Measurement, measurements
 
 if TYPE_CHECKING:
@@ -55,34 +56,6 @@ Array = NDArray[np.float64]
 _MARGIN_PX = 4.0
 # lines of the part that are nearer than this leave a sample out
 _APART_PX = 5.0
-
-
-@dataclass(frozen=True)
-class Foreseen:
-    """What `measure` will state of a target that a setting measures.
-
-    Attributes
-    ----------
-    name : str
-        The target.
-    setting : int
-        Number of the setting, from 0.
-    expanded_uncertainty : float
-        U with the state of edges that `measure` assumes or that is stated, mm (angles: degrees).
-    unseen_uncertainty : float
-        U with breaks that images may not show; equal where the state is stated.
-    limit_mm : float
-        The largest of these breaks, mm; 0 where the state is stated.
-    is_open : bool
-        Whether it is then open that a part conforms, even if its value is in the middle of its limits.
-    """
-
-    name: str
-    setting: int
-    expanded_uncertainty: float
-    unseen_uncertainty: float
-    limit_mm: float
-    is_open: bool
 
 
 def foreseen_uncertainties(
@@ -122,6 +95,11 @@ def foreseen_uncertainties(
             )
             rows.append(_foreseen(view, name, planned, state))
     return rows
+
+
+def with_foreseen(plan: InspectionPlan, solid: Solid) -> InspectionPlan:
+    """Return a plan with the uncertainties that `measure` will state, for its lamps and its breaks of edges."""
+    return replace(plan, foreseen=tuple(foreseen_uncertainties(plan, solid)))
 
 
 def surest(rows: Sequence[Foreseen]) -> dict[str, Foreseen]:

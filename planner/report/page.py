@@ -21,7 +21,7 @@ from planner.argument_kinds import check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import look_at, world_to_cam
 from planner.exceptions import RequestError
-from planner.measuring.foreseen import Foreseen, foreseen_uncertainties
+from planner.measuring.foreseen import with_foreseen
 from planner.progress import report
 from planner.report.coverage import coverage_html
 from planner.report.figure import (
@@ -726,6 +726,9 @@ def make_report(
 ) -> Report:
     """Return the report of a plan, still without its joint graph; takes what `report_html` takes."""
     _check_arguments(plan, space)
+    if not plan.foreseen:
+        # a plan of an older file does not hold them
+        plan = with_foreseen(plan, space.solid)
     if plan.settings:
         # something shows while the figure and the tables are made
         report(progress, 0, len(plan.settings), "predicted images")
@@ -734,7 +737,6 @@ def make_report(
     nouns = _nouns(plan)
     unsharp = [k for k, setting in enumerate(plan.settings, 1) if may_be_unsharp(plan, setting)]
     dimensions = dimensions_table(plan)
-    foreseen = foreseen_uncertainties(plan, space.solid)
     only_dimensions = dimensions and len(plan.dimensions) == len(plan.entities)
     values = {
         "lead": _lead(plan),
@@ -746,10 +748,10 @@ def make_report(
         "scene": figure_html(figure, "plan3d", "100%", scrollZoom=True),
         "not_inspected": not_inspected(plan.uninspectable, nouns[0]),
         "not_planned": not_planned(plan.not_planned),
-        "notices": [*attention(rows, unsharp), *_run_notices(plan), *_edge_notices(plan, foreseen)],
+        "notices": [*attention(rows, unsharp), *_run_notices(plan), *_edge_notices(plan)],
         "dimensions": dimensions,
         "budgets": budgets_table(plan),
-        "foreseen": foreseen_table(plan, foreseen),
+        "foreseen": foreseen_table(plan),
         "results": None if only_dimensions else results(plan, rows, nouns[0]),
         "sources": {source_text(source): color for source, color in COLOURS.items()},
         "csv": base64.b64encode(plan.to_csv().encode()).decode(),
@@ -866,9 +868,9 @@ def _bound_label(plan: InspectionPlan) -> str:
     return f"{label} for the inspected {_nouns(plan)[len(plan.inspected) > 1]}"
 
 
-def _edge_notices(plan: InspectionPlan, foreseen: Sequence[Foreseen]) -> list[Notice]:
+def _edge_notices(plan: InspectionPlan) -> list[Notice]:
     """Return what breaks of edges would do where none is stated; nothing where it does not matter."""
-    text = unstated_edges_text(plan, foreseen)
+    text = unstated_edges_text(plan)
     return [Notice("Edges", [(f" are {text}", ())])] if text else []
 
 
