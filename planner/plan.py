@@ -374,6 +374,9 @@ class InspectionPlan(PlanTables):
         split = {}
         for name, value in self.split.items():
             split[name] = {**asdict(value), "probability": below_one(value.probability)}
+        foreseen = {}
+        if self.foreseen:
+            foreseen["foreseen"] = list(map(asdict, self.foreseen))
         return {
             "format": FORMAT,
             "version": VERSION,
@@ -391,7 +394,7 @@ class InspectionPlan(PlanTables):
             **({"not_planned": dict(self.not_planned)} if self.not_planned else {}),
             "settings": [setting_dict(self, setting) for setting in self.settings],
             **({"split": split} if split else {}),
-            **({"foreseen": [asdict(row) for row in self.foreseen]} if self.foreseen else {}),
+            **foreseen,
             **({} if self.light is None else {"light": self.light.to_dict()}),
             "simulation": None if self.simulation is None else self.simulation.to_dict(),
         }

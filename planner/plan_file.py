@@ -357,7 +357,8 @@ def _check_foreseen(data: Mapping[str, Any], dimensions: Sequence[str]) -> None:
     """Check that what is foreseen is of dimensions that its settings measure, once each, and grows with breaks."""
     seen = set()
     for k, row in enumerate(data.get("foreseen", ())):
-        name, number = row["name"], row["setting"]
+        name = row["name"]
+        number = row["setting"]
         if number >= len(data["settings"]):
             rule = f"must be the number of a setting, from 0 to {len(data['settings']) - 1}"
             _refuse(field_name("foreseen", k, "setting"), rule, number)

@@ -315,7 +315,6 @@ def _values(row: Row, n_features: int) -> dict[str, Any]:
     from errors.measurands.measurand import SOURCES
 
     rate = row.rate
-    foreseen = row.foreseen
     return {
         "setting": row.setting,
         "name": row.name,
@@ -333,8 +332,8 @@ def _values(row: Row, n_features: int) -> dict[str, Any]:
         "simulated_high": None if rate is None else rate.high,
         "verdict": None if rate is None else rate.verdict,
         "standard_uncertainty": row.standard_uncertainty,
-        "measured_uncertainty": None if foreseen is None else foreseen.expanded_uncertainty,
-        "unseen_uncertainty": None if foreseen is None else foreseen.unseen_uncertainty,
+        "measured_uncertainty": getattr(row.foreseen, "expanded_uncertainty", None),
+        "unseen_uncertainty": getattr(row.foreseen, "unseen_uncertainty", None),
         **{f"variance_{source}": row.budget.get(source) for source in SOURCES},
         "search_window_px": row.search_window_px,
         "warnings": "; ".join(warning.text for warning in row.warnings) or None,

@@ -95,13 +95,13 @@ class PoseFile(ShownInNotebook):
     def _notebook_view(self) -> NotebookView:
         rows = []
         for pose in self.poses:
-            place = ", ".join(f"{c:.1f}" for c in pose.cam2world[:3, 3])
-            axis = ", ".join(f"{c:.3f}" for c in pose.cam2world[:3, 2])
+            place = "{:.1f}, {:.1f}, {:.1f}".format(*pose.cam2world[:3, 3])
+            axis = "{:.2f}, {:.2f}, {:.2f}".format(*pose.cam2world[:3, 2])
             rows.append((pose.name, place, axis))
         lines = [f"Read as {self.source}."]
         if self.frame:
             lines.append(f"The file gives them in the frame {self.frame}.")
-        table = NotebookTable(("pose", "camera at, mm", "looks along"), rows, right=(1, 2))
+        table = NotebookTable(("pose", "camera at, mm", "looks along"), rows)
         return NotebookView(count(len(self.poses), "pose"), lines, table)
 
 

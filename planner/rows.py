@@ -135,7 +135,7 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
     rates = plan.simulation.rates[k] if plan.simulation is not None else {}
     images = plan.simulation.shown if plan.simulation is not None else None
     windows = search_windows_px(plan, setting)
-    foreseen = {row.name: row for row in plan.foreseen if row.setting == k}
+    foreseen = _foreseen_of(plan, k)
     rows = []
     targets = targets_of(plan.targets, setting)
     for name in setting.entities:
@@ -186,6 +186,15 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
         )
         rows.append(row)
     return rows
+
+
+def _foreseen_of(plan: Any, k: int) -> dict[str, Foreseen]:
+    """Return by name what `measure` will state of a setting."""
+    named = {}
+    for row in plan.foreseen:
+        if row.setting == k:
+            named[row.name] = row
+    return named
 
 
 def split_rows(plan: Any) -> list[Row]:

@@ -351,7 +351,9 @@ class NamedItem(NamedTuple):
     @property
     def label(self) -> str:
         """Its id in pictures, where that of an edge has an e."""
-        return f"e{self.id}" if self.kind == "edge" else self.id
+        if self.kind == "edge":
+            return f"e{self.id}"
+        return self.id
 
     @property
     def middle(self) -> NDArray[np.float64]:

@@ -533,8 +533,7 @@ class FolderWork:
         # what can be read only once has no digest
         digest = file_digest(Path(self.part)) if Path(self.part).is_file() else ""
         made = Made.now(request, digest, self.operator)
-        plan = with_foreseen(plan, self.solid)
-        plan = replace(plan, made=made, not_planned=self.not_planned)
+        plan = replace(with_foreseen(plan, self.solid), made=made, not_planned=self.not_planned)
         try:
             written = write_outputs(
                 plan,
