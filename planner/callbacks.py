@@ -37,6 +37,9 @@ LEAST_SIMULATION_S = 2.0
 LEAST_SETTLING_S = 0.7
 """Seconds that this may take, however short a time limit is."""
 
+FORESEEN_SHARE = 0.91
+"""Share of a time limit after which it is no longer computed what `measure` will state."""
+
 PICTURES_SHARE = 0.95
 """Share of a time limit after which no more pictures are drawn, so that the page can be put together."""
 

@@ -34,6 +34,7 @@ from planner.light.area_light import AreaSpace
 from planner.light.corner_light import DEFAULT_STEP
 from planner.light.lighting import Lighting, RingSpace
 from planner.light.plan_light import chosen_lamps
+from planner.measuring.foreseen import with_foreseen
 from planner.measuring.lit_edges import reads_of
 from planner.measuring.planned_edges import registered_problem
 from planner.options import InspectionOptions, RunOptions
@@ -134,7 +135,7 @@ def plan_inspection(
     if options.lighting is not None:
         options.lighting.check_part(solid)
     resolved = resolve_request(solid, entities, camera, pose_uncertainty, options)
-    return plan_request(solid, resolved, options)
+    return with_foreseen(plan_request(solid, resolved, options), solid)
 
 
 @with_one_thread

@@ -21,6 +21,7 @@ from planner.plan_file import FORMAT, VERSION
 from planner.plan_tables import PlanTables
 from planner.request.words import features_text
 from planner.sensor_setting import (
+    Foreseen,
     Reason,
     SensorSetting,
     SplitValue,
@@ -88,6 +89,9 @@ class InspectionPlan(PlanTables):
         What the CAD model requires besides the targets, by name: the reason why the command line did not plan it.
     split : mapping of str to SplitValue
         Dimensions whose two ends different settings measure, see ``SensorSetting.ends``, and how sure each is.
+    foreseen : tuple of Foreseen
+        The U that `measure` will state of each dimension in each setting, with the lamps and breaks of edges of this
+        plan. Without those of lengths, short arcs and dimensions that two settings measure. Empty in older files.
     made : Made or None
         When, by whom and by which program the command line made the plan. Plans that differ only in it are equal.
     """
@@ -106,6 +110,7 @@ class InspectionPlan(PlanTables):
     made: Made | None = None
     split: Mapping[str, SplitValue] = field(default_factory=dict)
     whole_bound: int = 0
+    foreseen: tuple[Foreseen, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "settings", tuple(self.settings))
@@ -369,6 +374,9 @@ class InspectionPlan(PlanTables):
         split = {}
         for name, value in self.split.items():
             split[name] = {**asdict(value), "probability": below_one(value.probability)}
+        foreseen = {}
+        if self.foreseen:
+            foreseen["foreseen"] = list(map(asdict, self.foreseen))
         return {
             "format": FORMAT,
             "version": VERSION,
@@ -386,6 +394,7 @@ class InspectionPlan(PlanTables):
             **({"not_planned": dict(self.not_planned)} if self.not_planned else {}),
             "settings": [setting_dict(self, setting) for setting in self.settings],
             **({"split": split} if split else {}),
+            **foreseen,
             **({} if self.light is None else {"light": self.light.to_dict()}),
             "simulation": None if self.simulation is None else self.simulation.to_dict(),
         }
@@ -530,6 +539,7 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         made=record.made,
         split=record.split,
         whole_bound=record.whole_bound,
+        foreseen=record.foreseen,
     )
     check_settings(plan, data["settings"])
     return plan

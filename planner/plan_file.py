@@ -131,6 +131,7 @@ def check_plan(data: Mapping[str, Any]) -> None:
         _check_promises(setting, request, targets, k)
     _check_everyone_once(data, targets)
     _check_split(data, targets)
+    _check_foreseen(data, dimensions)
     _check_bound(data)
     if data.get("simulation") is not None:
         _check_simulation(data["simulation"], data["settings"])
@@ -350,6 +351,28 @@ def _check_everyone_once(data: Mapping[str, Any], targets: Mapping[str, Any]) ->
             place = "both" if name in inspected else "neither"
             where = field_name("targets", name)
             raise PlanFileError(f"{where} must be in a setting or uninspectable. Got {place}.")
+
+
+def _check_foreseen(data: Mapping[str, Any], dimensions: Sequence[str]) -> None:
+    """Check that what is foreseen is of dimensions that its settings measure, once each, and grows with breaks."""
+    seen = set()
+    for k, row in enumerate(data.get("foreseen", ())):
+        name = row["name"]
+        number = row["setting"]
+        if number >= len(data["settings"]):
+            rule = f"must be the number of a setting, from 0 to {len(data['settings']) - 1}"
+            _refuse(field_name("foreseen", k, "setting"), rule, number)
+        path = field_name("foreseen", k, "name")
+        if name not in dimensions or name not in data["settings"][number]["entities"]:
+            _refuse(path, f"must be a dimension that setting {number} measures", name)
+        if (name, number) in seen:
+            _refuse(path, f"must stand once for setting {number}", name)
+        seen.add((name, number))
+        if row["unseen_uncertainty"] < row["expanded_uncertainty"]:
+            rule = "must be at least expanded_uncertainty"
+            _refuse(
+                field_name("foreseen", k, "unseen_uncertainty"), rule, row["unseen_uncertainty"]
+            )
 
 
 def _check_split(data: Mapping[str, Any], targets: Mapping[str, Any]) -> None:

@@ -26,7 +26,7 @@ from planner.plan_file import (
     check_plan,
 )
 from planner.request.target_records import TargetsByName, target_of
-from planner.sensor_setting import ReasonKind, SensorSetting, SplitValue
+from planner.sensor_setting import Foreseen, ReasonKind, SensorSetting, SplitValue
 from planner.verify.setting_record import Measurement
 from planner.verify.simulate_plan import SimulationResult
 
@@ -135,6 +135,7 @@ class PlanFile:
         Mapping[str, SplitValue], Meta(title="must map dimensions to how sure they are measured")
     ] = field(default_factory=dict)
     whole_bound: Count = 0
+    foreseen: Annotated[tuple[Foreseen, ...], Meta(title="must be an array of uncertainties")] = ()
 
     @classmethod
     def read(cls, data: Any) -> PlanFile:

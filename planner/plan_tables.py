@@ -101,7 +101,9 @@ class PlanTables(ShownInNotebook):
             probability that the displaced camera measures the target, see `SensorSetting` (None if
             it was not counted). ``probability`` is that of the error alone. ``simulated``,
             ``simulated_low``, ``simulated_high`` and ``verdict`` come from the simulation, or are
-            None. ``standard_uncertainty`` is u of the measured value. ``variance_translation``,
+            None. ``standard_uncertainty`` is u of the measured value. ``measured_uncertainty`` is the
+            expanded uncertainty U that `measure` will state. ``unseen_uncertainty`` is U with breaks of edges
+            that images may not show. Both are None of lengths of edges. ``variance_translation``,
             ``variance_rotation``, ``variance_localisation``, ``variance_localisation_floor``,
             ``variance_surfaces`` and ``variance_edge_state`` add up to u² (None for short arcs).
             ``search_window_px`` is the distance to search on either side of the prediction.
@@ -297,7 +299,7 @@ def _column(key: str, units: str) -> Column:
         return Column(key, unit=units, spec=".9g")
     if key == "permitted_error":
         return Column(key, unit=units, spec=".6g")
-    if key == "standard_uncertainty":
+    if key in ("standard_uncertainty", "measured_uncertainty", "unseen_uncertainty"):
         return Column(key, unit=units, spec=".3g")
     if key.startswith("variance_"):
         return Column(key, unit=" or ".join(f"{unit}²" for unit in units.split(" or ")), spec=".3g")
@@ -330,6 +332,8 @@ def _values(row: Row, n_features: int) -> dict[str, Any]:
         "simulated_high": None if rate is None else rate.high,
         "verdict": None if rate is None else rate.verdict,
         "standard_uncertainty": row.standard_uncertainty,
+        "measured_uncertainty": getattr(row.foreseen, "expanded_uncertainty", None),
+        "unseen_uncertainty": getattr(row.foreseen, "unseen_uncertainty", None),
         **{f"variance_{source}": row.budget.get(source) for source in SOURCES},
         "search_window_px": row.search_window_px,
         "warnings": "; ".join(warning.text for warning in row.warnings) or None,

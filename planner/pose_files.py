@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from aspectgraph.files import read_text
+from ground.notebook import NotebookTable, NotebookView, ShownInNotebook
 from ground.short_repr import short_repr
 from planner.argument_kinds import shown
 from planner.camera.calibration_files import plain, plain_value, tree_of
@@ -44,6 +45,7 @@ from planner.plan import read_plan
 from planner.plan_file import FORMAT as PLAN_FORMAT
 from planner.robotprogram.stops import SUFFIXES, is_program, read_stops
 from planner.sensor_setting import setting_name
+from planner.text_table import count
 
 if TYPE_CHECKING:
     from planner.robotcell import Cell
@@ -62,7 +64,7 @@ _HINT = "give units, such as units='mm'"
 
 
 @dataclass(frozen=True)
-class PoseFile:
+class PoseFile(ShownInNotebook):
     """The camera poses of a file.
 
     Attributes
@@ -89,6 +91,18 @@ class PoseFile:
     light: str = ""
 
     __repr__ = short_repr
+
+    def _notebook_view(self) -> NotebookView:
+        rows = []
+        for pose in self.poses:
+            place = "{:.1f}, {:.1f}, {:.1f}".format(*pose.cam2world[:3, 3])
+            axis = "{:.2f}, {:.2f}, {:.2f}".format(*pose.cam2world[:3, 2])
+            rows.append((pose.name, place, axis))
+        lines = [f"Read as {self.source}."]
+        if self.frame:
+            lines.append(f"The file gives them in the frame {self.frame}.")
+        table = NotebookTable(("pose", "camera at, mm", "looks along"), rows)
+        return NotebookView(count(len(self.poses), "pose"), lines, table)
 
 
 def read_poses(

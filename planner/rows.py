@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from errors.checks import frequency_text, probability_text
 from errors.measurands.geometry import is_short
 from planner.request.targets import targets_of
+from planner.sensor_setting import Foreseen
 from planner.verify.setting_record import described, search_windows_px
 from planner.verify.simulate_setting import (
     CONFIRMED,
@@ -76,6 +77,8 @@ class Row:
         P_all as stated; None in a plan that did not count it.
     entities : tuple of str
         Ids of the entities that measure it here.
+    foreseen : Foreseen or None
+        The U that `measure` will state; None of a length, and where the plan does not hold it.
     rate : SuccessRate or None
         What simulation gave.
     standard_uncertainty : float
@@ -103,6 +106,7 @@ class Row:
     warnings: tuple[Warned, ...] = ()
     p_all: float | None = None
     entities: tuple[str, ...] = ()
+    foreseen: Foreseen | None = None
 
     @property
     def promise(self) -> float:
@@ -130,6 +134,7 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
     rates = plan.simulation.rates[k] if plan.simulation is not None else {}
     images = plan.simulation.shown if plan.simulation is not None else None
     windows = search_windows_px(plan, setting)
+    foreseen = _foreseen_of(plan, k)
     rows = []
     targets = targets_of(plan.targets, setting)
     predictions = described(plan, setting)
@@ -177,9 +182,19 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
             warnings=warnings,
             p_all=setting.p_all.get(name),
             entities=target.entities,
+            foreseen=foreseen.get(name),
         )
         rows.append(row)
     return rows
+
+
+def _foreseen_of(plan: Any, k: int) -> dict[str, Foreseen]:
+    """Return by name what `measure` will state of a setting."""
+    named = {}
+    for row in plan.foreseen:
+        if row.setting == k:
+            named[row.name] = row
+    return named
 
 
 def split_rows(plan: Any) -> list[Row]:

@@ -324,6 +324,34 @@ class SplitValue:
     standard_uncertainty: Amount
 
 
+@dataclass(frozen=True)
+class Foreseen:
+    """What `measure` will state of a dimension that a setting measures.
+
+    Attributes
+    ----------
+    name : str
+        The dimension.
+    setting : int
+        Number of the setting, from 0.
+    expanded_uncertainty : float
+        U with the state of edges that `measure` assumes or that is stated, mm (angles: degrees).
+    unseen_uncertainty : float
+        U with breaks that images may not show; equal where the state is stated.
+    limit_mm : float
+        The largest of these breaks, mm; 0 where the state is stated.
+    is_open : bool
+        Whether it is then open that a part conforms, even if its value is in the middle of its limits.
+    """
+
+    name: str
+    setting: Count
+    expanded_uncertainty: Amount
+    unseen_uncertainty: Amount
+    limit_mm: Amount
+    is_open: bool
+
+
 # What came of trying to realise a column: a setting, or the reason why there is none.
 
 

@@ -13,7 +13,7 @@ from plan_examples import LIGHT, plan
 from aspectgraph import Solid, build_aspect_graph, read_requirements, read_solid
 from errors.measurands import Decision
 from ground.notebook import TONES
-from planner import GivenPose, Registration, look_at, measure, predict_poses, read_plan
+from planner import GivenPose, Registration, look_at, measure, predict_poses, read_plan, read_poses
 
 CTC_01 = "examples/nist_ctc_01_ap242.stp"
 BEHIND = look_at([[30.0, -400.0, 20.0]], [30.0, 30.0, 20.0])[0]
@@ -36,6 +36,7 @@ def values():
         "results": results,
         "result": results["left"],
         "predicted": predicted(),
+        "poses": read_poses("examples/two_pocket_block_poses.yaml"),
         "required": read_requirements(CTC_01, read_solid(CTC_01)),
     }
 
@@ -49,7 +50,7 @@ def predicted():
     return predict_poses(block, wanted, poses, made.camera, made.pose_uncertainty, accuracy=0.95)
 
 
-NAMES = ("solid", "graph", "plan", "light", "results", "result", "predicted", "required")
+NAMES = ("solid", "graph", "plan", "light", "results", "result", "predicted", "poses", "required")
 
 
 @pytest.fixture(scope="module")
@@ -136,6 +137,16 @@ def test_predictions_and_requirements_are_tables():
     assert html.count("<tr>") == 1 + len(values()["required"])
     assert "e477, e459" in html
     assert "flatness of a face: edges do not show it" in html
+
+
+def test_poses_of_a_file_are_a_table():
+    poses = values()["poses"]
+    html = poses._repr_html_()
+    assert html.count("<tr>") == 1 + len(poses.poses)
+    assert "The file gives them in the frame part." in html
+    for pose in poses.poses:
+        assert f">{pose.name}</td>" in html
+        assert ", ".join(f"{c:.1f}" for c in pose.cam2world[:3, 3]) in html
 
 
 def test_decisions_have_their_colours():

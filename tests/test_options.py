@@ -44,6 +44,7 @@ def test_every_option_of_a_plan_reaches_it(monkeypatch):
     seen = []
     monkeypatch.setattr("planner.inspection.resolve_request", lambda *given: seen.append(given))
     monkeypatch.setattr("planner.inspection.plan_request", lambda *given: seen.append(given))
+    monkeypatch.setattr("planner.inspection.with_foreseen", lambda plan, _: plan)
     # what is passed on is no part, no camera and no limit
     for name in ("check_kinds", "Deadline"):
         monkeypatch.setattr(f"planner.inspection.{name}", lambda *given, **named: None)

@@ -349,6 +349,13 @@ class NamedItem(NamedTuple):
     rows: tuple[str, ...]
 
     @property
+    def label(self) -> str:
+        """Its id in pictures, where that of an edge has an e."""
+        if self.kind == "edge":
+            return f"e{self.id}"
+        return self.id
+
+    @property
     def middle(self) -> NDArray[np.float64]:
         """Where its label goes, shape (3,): the middle of an edge, a vertex in the middle of a chain of chords."""
         return np.asarray(
@@ -734,7 +741,7 @@ def edge_figure(
     labels = go.Scatter3d(
         **xyz([item.middle for item in items]),
         mode="text",
-        text=[item.id for item in items],
+        text=[item.label for item in items],
         hoverinfo="skip",
         name="ids",
     )
@@ -836,7 +843,7 @@ def _draw_items(solid: Solid, items: list[NamedItem], direction: ArrayLike, ax: 
         if pieces:
             colour = _PALETTE[n % len(_PALETTE)]
             ax.add_collection(LineCollection(pieces, colors=colour, linewidths=2.0))
-            spots.append(Spot(item.id, colour, samples[seen][:, :2]))
+            spots.append(Spot(item.label, colour, samples[seen][:, :2]))
     ax.set_aspect("equal")
     ax.set_axis_off()
     low = points[:, :2].min(axis=0)

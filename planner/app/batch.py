@@ -42,6 +42,7 @@ from planner.argument_kinds import (
     check_number,
 )
 from planner.callbacks import (
+    FORESEEN_SHARE,
     LAMPS_SHARE,
     LEAST_SIMULATION_S,
     LIT_SEARCH_SHARE,
@@ -65,6 +66,7 @@ from planner.files import (
 )
 from planner.identity import Made, Request, digest_of
 from planner.inspection import plan_request, space_of, visible_regions, with_light
+from planner.measuring.foreseen import foreseen_in_time
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan
 from planner.plan_file import Amount, Count
@@ -532,6 +534,9 @@ class FolderWork:
         # what can be read only once has no digest
         digest = file_digest(Path(self.part)) if Path(self.part).is_file() else ""
         made = Made.now(request, digest, self.operator)
+        until = self.deadline.time_left(FORESEEN_SHARE)
+        plan, late = foreseen_in_time(plan, self.solid, until)
+        notes += late
         plan = replace(plan, made=made, not_planned=self.not_planned)
         try:
             written = write_outputs(

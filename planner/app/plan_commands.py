@@ -555,7 +555,7 @@ def _print_planned(
     if options.json:
         print_json(plan_record(result, files, job.targets.left_out))
         return
-    terminal_tables.print_plan(result, written.foreseen)
+    terminal_tables.print_plan(result)
     if result.cell:
         print_arm(result)
     print_unit(job.part, job.reading.get("units"))

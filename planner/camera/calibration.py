@@ -10,6 +10,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -306,6 +307,13 @@ _NEEDED = ("pixel_pitch_mm", "f_number", "focus_distance_mm")
 _MOST_MAGNIFICATION = 4.0
 # what programs write calibrations to
 _OF_CALIBRATIONS = (".json", ".txt", ".xml", ".yaml", ".yml")
+
+
+def check_pitches(values: Any) -> tuple[float, ...]:
+    """Return the pitch across and down, mm, or raise `CameraError`; one number is that of square pixels."""
+    if isinstance(values, Real) and not isinstance(values, bool):
+        values = (values, values)
+    return tuple(map(check_pitch, check_pair("pixel_pitch_mm", values)))
 
 
 def check_pitch(value: Any) -> float:

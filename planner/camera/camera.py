@@ -26,7 +26,7 @@ from planner.camera.calibration import (
     check_count,
     check_number,
     check_pair,
-    check_pitch,
+    check_pitches,
     check_positive,
     check_white_level,
     line_of,
@@ -429,7 +429,7 @@ class Camera:
     focal_length_mm : float
         Focal length f of the lens.
     pixel_pitch_mm : tuple of float
-        Distance (r_x, r_y) between neighbouring pixels, across and down.
+        Distance (r_x, r_y) between neighbouring pixels, across and down. One number stands for square pixels.
     resolution : tuple of int
         Pixel counts (width, height).
     f_number : float
@@ -501,7 +501,7 @@ class Camera:
     def __post_init__(self) -> None:
         for field in ("focal_length_mm", "f_number", "focus_distance_mm"):
             object.__setattr__(self, field, check_positive(field, getattr(self, field)))
-        pitch = tuple(check_pitch(p) for p in check_pair("pixel_pitch_mm", self.pixel_pitch_mm))
+        pitch = check_pitches(self.pixel_pitch_mm)
         object.__setattr__(self, "pixel_pitch_mm", pitch)
         counts = tuple(
             check_count("resolution", n) for n in check_pair("resolution", self.resolution)

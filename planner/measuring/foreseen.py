@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 from errors.measurands import Circle, Decision, DecisionRule, decide
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX, Localisation, is_short
 from errors.measurands.measurand import COVERAGE
-from planner.executors import check_on_the_way
+from planner.executors import check_on_the_way, checked_by
 from planner.measuring.breaks import (
     BreakShift,
     FoundPoints,
@@ -39,10 +38,12 @@ from planner.measuring.rehearsal import BLUR_PX, BRIGHT_GROUND, SHADOW_SHARE
 from planner.measuring.samples import BESIDE_PX, PartEdge, across_of, pixels_of
 from planner.measuring.seen_breaks import unseen_mm
 from planner.measuring.verdict import Sampled
+from planner.progress import TimeIsUpError, TimeLeft
 from planner.request.dimension import POSITIONS, is_one_sided
 from planner.request.edge_state import EdgeState, spread_of
 from planner.request.registration import OWN_EDGES
-from planner.verify.setting_record import Measurement, Same, measurements
+from planner.sensor_setting import Foreseen
+from planner.verify.setting_record import Measurement, measurements
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -55,36 +56,12 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _MARGIN_PX = 4.0
+_NOT_FORESEEN = (
+    "The plan lacks the uncertainties that 'measure' will state: the time limit ended. A longer "
+    "--time-limit computes them."
+)
 # lines of the part that are nearer than this leave a sample out
 _APART_PX = 5.0
-
-
-@dataclass(frozen=True)
-class Foreseen:
-    """What `measure` will state of a target that a setting measures.
-
-    Attributes
-    ----------
-    name : str
-        The target.
-    setting : int
-        Number of the setting, from 0.
-    expanded_uncertainty : float
-        U with the state of edges that `measure` assumes or that is stated, mm (angles: degrees).
-    unseen_uncertainty : float
-        U with breaks that images may not show; equal where the state is stated.
-    limit_mm : float
-        The largest of these breaks, mm; 0 where the state is stated.
-    is_open : bool
-        Whether it is then open that a part conforms, even if its value is in the middle of its limits.
-    """
-
-    name: str
-    setting: int
-    expanded_uncertainty: float
-    unseen_uncertainty: float
-    limit_mm: float
-    is_open: bool
 
 
 def foreseen_uncertainties(
@@ -109,16 +86,6 @@ def foreseen_uncertainties(
     """
     if not plan.settings or not plan.dimensions:
         return []
-    return list(_all_foreseen(Same(plan), Same(solid), edge_break_mm))
-
-
-# a report and the terminal show the same
-@lru_cache(maxsize=1)
-def _all_foreseen(
-    same_plan: Same, same_solid: Same, edge_break_mm: tuple[float, float] | None
-) -> list[Foreseen]:
-    plan = same_plan.value
-    solid = same_solid.value
     measurer = Measurer(plan, solid)
     rows = []
     for number, setting in enumerate(plan.settings):
@@ -135,6 +102,22 @@ def _all_foreseen(
             )
             rows.append(_foreseen(view, name, planned, state))
     return rows
+
+
+def with_foreseen(plan: InspectionPlan, solid: Solid) -> InspectionPlan:
+    """Return a plan with the uncertainties that `measure` will state, for its lamps and its breaks of edges."""
+    return replace(plan, foreseen=tuple(foreseen_uncertainties(plan, solid)))
+
+
+def foreseen_in_time(
+    plan: InspectionPlan, solid: Solid, time_left: TimeLeft
+) -> tuple[InspectionPlan, list[str]]:
+    """Return a plan with these uncertainties; as it was, with a sentence for the reader, if the time ends before."""
+    try:
+        with checked_by(lambda: time_left.check):
+            return with_foreseen(plan, solid), []
+    except TimeIsUpError:
+        return plan, [_NOT_FORESEEN]
 
 
 def surest(rows: Sequence[Foreseen]) -> dict[str, Foreseen]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 import math
-import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -22,9 +21,8 @@ from planner.argument_kinds import check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import look_at, world_to_cam
 from planner.exceptions import RequestError
-from planner.executors import checked_by
-from planner.measuring.foreseen import Foreseen, foreseen_uncertainties
-from planner.progress import TimeIsUpError, TimeLeft, report
+from planner.measuring.foreseen import with_foreseen
+from planner.progress import report
 from planner.report.coverage import coverage_html
 from planner.report.figure import (
     GraphPicture,
@@ -577,12 +575,6 @@ def packed_plotly() -> str:
     return packed(get_plotlyjs())
 
 
-_NOT_FORESEEN = (
-    "The report lacks the uncertainties that 'measure' will state: the time limit ended. A longer "
-    "--time-limit computes them."
-)
-
-
 @dataclass
 class Report:
     """A report of a plan: what it shows, to which the joint graph and notes may come later.
@@ -599,8 +591,6 @@ class Report:
         Further sentences for the reader.
     graph : GraphPicture or None
         The joint graph of the entities that the plan needs.
-    foreseen : list of Foreseen or None
-        What `measure` will state; None if there was no time for it.
     """
 
     plan: InspectionPlan
@@ -608,7 +598,6 @@ class Report:
     values: dict[str, Any]
     notes: list[str] = field(default_factory=list)
     graph: GraphPicture | None = None
-    foreseen: list[Foreseen] | None = field(default_factory=list)
 
     def html(self) -> str:
         """Return the page; it refers to nothing outside it, and the same report gives the same page."""
@@ -656,15 +645,14 @@ class Report:
 
     @property
     def left_out(self) -> list[str]:
-        """A sentence each on pictures and uncertainties that it lacks, because there was no time."""
+        """A sentence on the pictures that it lacks, because there was no time; none if it has all."""
         n = sum(not section.shots for section in self.sections)
-        sentences = [] if self.foreseen is not None else [_NOT_FORESEEN]
-        if n:
-            sentences.append(
-                f"The report lacks the pictures of {count(n, 'setting')}: the time limit ended. A longer "
-                "--time-limit draws them."
-            )
-        return sentences
+        if not n:
+            return []
+        return [
+            f"The report lacks the pictures of {count(n, 'setting')}: the time limit ended. A longer "
+            "--time-limit draws them."
+        ]
 
 
 def report_html(
@@ -740,6 +728,9 @@ def make_report(
 ) -> Report:
     """Return the report of a plan, still without its joint graph; takes what `report_html` takes."""
     _check_arguments(plan, space)
+    if not plan.foreseen and until == math.inf:
+        # a plan of an older file does not hold them
+        plan = with_foreseen(plan, space.solid)
     if plan.settings:
         # something shows while the figure and the tables are made
         report(progress, 0, len(plan.settings), "predicted images")
@@ -748,8 +739,6 @@ def make_report(
     nouns = _nouns(plan)
     unsharp = [k for k, setting in enumerate(plan.settings, 1) if may_be_unsharp(plan, setting)]
     dimensions = dimensions_table(plan)
-    in_time = _foreseen_in_time(plan, space.solid, until)
-    foreseen = in_time or []
     only_dimensions = dimensions and len(plan.dimensions) == len(plan.entities)
     values = {
         "lead": _lead(plan),
@@ -761,10 +750,10 @@ def make_report(
         "scene": figure_html(figure, "plan3d", "100%", scrollZoom=True),
         "not_inspected": not_inspected(plan.uninspectable, nouns[0]),
         "not_planned": not_planned(plan.not_planned),
-        "notices": [*attention(rows, unsharp), *_run_notices(plan), *_edge_notices(plan, foreseen)],
+        "notices": [*attention(rows, unsharp), *_run_notices(plan), *_edge_notices(plan)],
         "dimensions": dimensions,
         "budgets": budgets_table(plan),
-        "foreseen": foreseen_table(plan, foreseen),
+        "foreseen": foreseen_table(plan),
         "results": None if only_dimensions else results(plan, rows, nouns[0]),
         "sources": {source_text(source): color for source, color in COLOURS.items()},
         "csv": base64.b64encode(plan.to_csv().encode()).decode(),
@@ -785,20 +774,7 @@ def make_report(
         "model_tolerance": MODEL_TOLERANCE,
     }
     sections = setting_sections(plan, space.solid, rows, progress, until=until)
-    late = [] if in_time is not None else [_NOT_FORESEEN]
-    return Report(plan, sections, values, [*notes, *late], foreseen=in_time)
-
-
-def _foreseen_in_time(plan: InspectionPlan, solid: Solid, until: float) -> list[Foreseen] | None:
-    """Return what `measure` will state; None if that takes more than half of the time for pictures."""
-    if until == math.inf:
-        return foreseen_uncertainties(plan, solid)
-    time_left = TimeLeft((time.time() + until) / 2.0)
-    try:
-        with checked_by(lambda: time_left.check):
-            return foreseen_uncertainties(plan, solid)
-    except TimeIsUpError:
-        return None
+    return Report(plan, sections, values, list(notes))
 
 
 def _check_arguments(plan: object, space: object) -> None:
@@ -894,9 +870,9 @@ def _bound_label(plan: InspectionPlan) -> str:
     return f"{label} for the inspected {_nouns(plan)[len(plan.inspected) > 1]}"
 
 
-def _edge_notices(plan: InspectionPlan, foreseen: Sequence[Foreseen]) -> list[Notice]:
+def _edge_notices(plan: InspectionPlan) -> list[Notice]:
     """Return what breaks of edges would do where none is stated; nothing where it does not matter."""
-    text = unstated_edges_text(plan, foreseen)
+    text = unstated_edges_text(plan)
     return [Notice("Edges", [(f" are {text}", ())])] if text else []
 
 

@@ -34,7 +34,6 @@ from planner.sensor_setting import image_name
 
 if TYPE_CHECKING:
     from aspectgraph import EntityAspectGraph, VisibilityRegions
-    from planner.measuring.foreseen import Foreseen
     from planner.progress import Progress
     from planner.request.reach import Space
     from planner.robotcell import Cell
@@ -592,13 +591,10 @@ class Written(NamedTuple):
         The most useful first.
     notes : list of str
         What was left out, and why.
-    foreseen : list of Foreseen
-        What `measure` will state; empty if there was no time for it.
     """
 
     files: list[Path]
     notes: list[str]
-    foreseen: list[Foreseen]
 
 
 def write_outputs(
@@ -656,7 +652,7 @@ def write_outputs(
             written.append("graph.graphml")
         (staging / "report.html").write_text(page.html(), encoding="utf-8")
     left_out = [*notes, *page.left_out, *without]
-    return Written([folder / name for name in (*written, *poses)], left_out, page.foreseen or [])
+    return Written([folder / name for name in (*written, *poses)], left_out)
 
 
 def _joint_graph(

@@ -14,7 +14,7 @@ from errors.checks import interval_text, probability_text
 from errors.measurands import DecisionRule, Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.geometry import is_short
 from planner.light.light_plan import WHITE_SHARE, Exposure, exposure_of
-from planner.measuring.foreseen import Foreseen, surest
+from planner.measuring.foreseen import surest
 from planner.measuring.results import decimals_of, rounded_up
 from planner.progress import TimeLeft, report
 from planner.report.coverage import zone_of
@@ -507,18 +507,16 @@ def budgets_table(plan: InspectionPlan) -> Table | None:
     return Table(columns, rows, "budgets", "stack", notes=notes)
 
 
-def foreseen_table(plan: InspectionPlan, foreseen: Sequence[Foreseen]) -> Table | None:
+def foreseen_table(plan: InspectionPlan) -> Table | None:
     """Return U of each dimension as planned, and as `measure` will state it; nothing where edges are stated.
 
     Parameters
     ----------
     plan : InspectionPlan
         The plan.
-    foreseen : sequence of Foreseen
-        What `measure` will state.
     """
     rows: list[list[Any]] = []
-    best = surest(foreseen)
+    best = surest(plan.foreseen)
     promised = Promised(plan, [], [])
     for name in (name for name in plan.entities if name in best):
         row = best[name]

@@ -12,7 +12,6 @@ import numpy as np
 from aspectgraph import EntityAspectGraph
 from aspectgraph.dimensions.geometric import entity_text
 from errors.checks import frequency_text, interval_text, probability_text
-from planner.measuring.foreseen import Foreseen
 from planner.optics import PosePrediction, PosesPrediction
 from planner.plan import InspectionPlan
 from planner.progress import visible
@@ -219,7 +218,7 @@ def _dimension_row(dimension: Any) -> tuple[Any, ...]:
     return (dimension.name, kind, nominal, tolerance, dimension.n_features, entities)
 
 
-def print_plan(plan: InspectionPlan, foreseen: Sequence[Foreseen] = ()) -> None:
+def print_plan(plan: InspectionPlan) -> None:
     """Print the plan: settings, what each measures and how surely, and what cannot be inspected.
 
     Of the margins of a setting only the tightest is shown; plan.json and the report hold all. Where edges are not
@@ -253,7 +252,7 @@ def print_plan(plan: InspectionPlan, foreseen: Sequence[Foreseen] = ()) -> None:
     if plan.not_planned:
         print_text(f"drawing: {verdict_text(coverage(plan))}")
     _print_not_inspected(plan)
-    for text in _notes(plan, foreseen):
+    for text in _notes(plan):
         print_text(words(text, names), indent="  ")
 
 
@@ -299,7 +298,7 @@ def _exposed(exposure: Exposure | None, camera: Camera) -> str:
     return f"{place} ({column}, {row}) has {white_text(exposure.share, camera)}"
 
 
-def _notes(plan: InspectionPlan, foreseen: Sequence[Foreseen]) -> list[str]:
+def _notes(plan: InspectionPlan) -> list[str]:
     """Return what else to know of a plan: what is not shown, lines near others, the state of edges."""
     texts = []
     images = None if plan.simulation is None else plan.simulation.shown
@@ -311,7 +310,7 @@ def _notes(plan: InspectionPlan, foreseen: Sequence[Foreseen]) -> list[str]:
         texts.append(text)
     if text := near_lines_text(plan):
         texts.append(text)
-    if text := edges_text(plan, foreseen):
+    if text := edges_text(plan):
         texts.append(f"edges: {text}")
     return texts
 

@@ -16,7 +16,7 @@ from errors.checks import percent_text
 from errors.measurands.measurand import COVERAGE
 from planner.camera.response import Response
 from planner.detectability.image_check import MOST_PX
-from planner.measuring.foreseen import Foreseen, surest
+from planner.measuring.foreseen import surest
 from planner.progress import duration
 from planner.request.camera_limits import LEAST_SIGMAS, corner_margin_px
 from planner.request.constraints import limit_sentences
@@ -180,7 +180,7 @@ def registration_text(plan: InspectionPlan) -> str:
 _STATE_EDGES = "State the edges: --edges sharp, or edge_break_mm"
 
 
-def edges_text(plan: InspectionPlan, foreseen: Sequence[Foreseen] = ()) -> str:
+def edges_text(plan: InspectionPlan) -> str:
     """Say by how much edges are taken to be broken, and what a break would do where none is stated.
 
     Empty where it does not matter: without dimensions, and where points lie on whole pixels and nothing is stated.
@@ -189,8 +189,6 @@ def edges_text(plan: InspectionPlan, foreseen: Sequence[Foreseen] = ()) -> str:
     ----------
     plan : InspectionPlan
         The plan.
-    foreseen : sequence of Foreseen
-        What `measure` will state, see `planner.measuring.foreseen`.
     """
     stated = {
         name: EdgeState(*target.edge_break_mm, True)
@@ -201,18 +199,18 @@ def edges_text(plan: InspectionPlan, foreseen: Sequence[Foreseen] = ()) -> str:
     if part is not None and plan.dimensions:
         stated = {"": EdgeState(*part, True)} | stated
     texts = [f"{name}: {state}" if name else str(state) for name, state in stated.items()]
-    if text := unstated_edges_text(plan, foreseen):
+    if text := unstated_edges_text(plan):
         texts.append(text)
     return "; ".join(texts)
 
 
-def unstated_edges_text(plan: InspectionPlan, foreseen: Sequence[Foreseen] = ()) -> str:
+def unstated_edges_text(plan: InspectionPlan) -> str:
     """Say what a break would do to the worst of the dimensions that are planned as sharp; empty without any.
 
     Parameters
     ----------
-    plan, foreseen
-        As of `edges_text`.
+    plan : InspectionPlan
+        The plan.
     """
     if plan.request.edge_break_mm is not None or plan.request.localisation.model == "rounding":
         return ""
@@ -231,7 +229,7 @@ def unstated_edges_text(plan: InspectionPlan, foreseen: Sequence[Foreseen] = ())
         f"planned as sharp; a break of {TYPICAL_BREAK_MM:g} mm would move {target.name} by up to "
         f"{digits_text(shift, 2)} {target.unit}, its U is {digits_text(expanded, 2)} {target.unit}"
     )
-    if text := _foreseen_text(plan, foreseen):
+    if text := _foreseen_text(plan):
         return f"{moved}. {text}. {_STATE_EDGES}"
     assumed = EdgeState()
     measured = math.hypot(expanded, COVERAGE * value_sigma(target.measurand, assumed))
@@ -242,9 +240,9 @@ def unstated_edges_text(plan: InspectionPlan, foreseen: Sequence[Foreseen] = ())
     )
 
 
-def _foreseen_text(plan: InspectionPlan, foreseen: Sequence[Foreseen]) -> str:
+def _foreseen_text(plan: InspectionPlan) -> str:
     """Say which U `measure` will state where edges are not stated, of the target that suffers most."""
-    rows = [row for row in surest(foreseen).values() if row.limit_mm > 0]
+    rows = [row for row in surest(plan.foreseen).values() if row.limit_mm > 0]
     if not rows:
         return ""
     worst = max(rows, key=lambda row: row.unseen_uncertainty / row.expanded_uncertainty)

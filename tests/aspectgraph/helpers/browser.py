@@ -84,7 +84,11 @@ class Browser:
         return json.loads(line)
 
     def page(self, path, width=1200, height=800):
-        return Page(self, Path(path), width, height)
+        return Page(self, Path(path).resolve().as_uri(), width, height)
+
+    def open(self, address, width=1200, height=800):
+        """Open a page of a server on this machine."""
+        return Page(self, address, width, height)
 
     def close(self):
         """End the process and everything it started."""
@@ -99,10 +103,11 @@ class Browser:
 
 
 class Page:
-    """A file in the browser, with what it said and asked for."""
+    """A file or a page of a server in the browser, with what it said and asked for."""
 
-    def __init__(self, browser, path, width, height):
+    def __init__(self, browser, address, width, height):
         self._browser = browser
+        self._address = address
         self.width = width
         self.height = height
         target = browser.call("Target.createTarget", url="about:blank")["targetId"]
@@ -119,7 +124,7 @@ class Page:
             deviceScaleFactor=1,
             mobile=width < 500,
         )
-        self.call("Page.navigate", url=path.resolve().as_uri())
+        self.call("Page.navigate", url=address)
         self.wait("document.readyState === 'complete'")
 
     def call(self, method, **params):
@@ -189,8 +194,9 @@ class Page:
     def requests(self):
         """Addresses asked for that are not on this machine."""
         sent = [e["request"]["url"] for e in self._events("Network.requestWillBeSent")]
-        assert any(url.startswith("file:") for url in sent)
-        return [url for url in sent if not url.startswith(_LOCAL)]
+        assert self._address in sent
+        here = self._address[: self._address.index("/", len("https://"))]
+        return [url for url in sent if not url.startswith((*_LOCAL, here))]
 
     def screenshot(self, path, full=False):
         shot = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=full)

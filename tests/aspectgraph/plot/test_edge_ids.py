@@ -33,7 +33,9 @@ FigureCanvasAgg = pytest.importorskip("matplotlib.backends.backend_agg").FigureC
 def named(solid, direction, edge_ids=None):
     ax = figure.Figure().subplots()
     draw_edges(solid, edge_ids, direction, ax=ax)
-    return {int(text.get_text()) for text in ax.texts}
+    texts = [text.get_text() for text in ax.texts]
+    assert all(text.startswith("e") for text in texts)
+    return {int(text[1:]) for text in texts}
 
 
 def test_a_cube_shows_nine_edges_in_each_view_and_all_in_the_four():
@@ -179,6 +181,8 @@ def test_figure_has_one_line_for_each_candidate():
     assert {line.hovertemplate.split("<br>")[0] for line in lines} == {
         f"edge {i}" for i in range(18)
     }
+    (labels,) = [trace for trace in traces if trace.name == "ids"]
+    assert labels.text == tuple(f"e{i}" for i in range(18))
 
 
 def test_without_matplotlib(tmp_path, monkeypatch):
@@ -212,7 +216,7 @@ def test_every_small_edge_that_is_seen_has_its_label():
     solid = engraved_plate(5)
     fig = figure.Figure(figsize=(11, 8), dpi=100)
     ax = draw_edges(solid, None, (0.05, -0.04, 1), ax=fig.subplots())
-    upper = {str(e.id) for e in solid.edges if (solid.edge_points(e.id)[:, 2] == 2).all()}
+    upper = {f"e{e.id}" for e in solid.edges if (solid.edge_points(e.id)[:, 2] == 2).all()}
     assert len(upper) == 4 + 4 * 25
     assert upper <= {text.get_text() for text in ax.texts}
 

@@ -25,10 +25,12 @@ from planner.effort import Effort
 from planner.exceptions import OutputError, PlanFileError
 from planner.identity import PartRecord, Request, keyword
 from planner.light.lighting import Lighting
+from planner.measuring import foreseen
 from planner.request.constraints import Requirements
 from planner.request.targets import EntityRecord, edge_target
 from planner.resume import PlanningState
 from planner.sensor_setting import Outcome
+from planner.text_table import digits_text
 
 PLAN = [
     "plan",
@@ -261,11 +263,25 @@ def planned(tmp_path, text, *options, part=BLOCK):
     )
 
 
-def test_a_file_of_dimensions(tmp_path, capsys):
+def test_a_file_of_dimensions(tmp_path, capsys, monkeypatch):
+    computed = []
+    foresee = foreseen.foreseen_uncertainties
+    monkeypatch.setattr(
+        foreseen,
+        "foreseen_uncertainties",
+        lambda *given: computed.append(given) or foresee(*given),
+    )
     text = f"step = {{ distance = [{LEFT}, {RIGHT}], max_error = 0.1 }}\nfloor = {{ edge = {LEFT}, max_error = 0.2 }}"
     assert planned(tmp_path, text, "--simulate", "2000") == DONE
-    assert "2 of 2 dimensions inspected" in capsys.readouterr().out
+    text = " ".join(capsys.readouterr().out.split())
+    assert "2 of 2 dimensions inspected" in text
     plan = read_plan(tmp_path / "out" / "plan.json")
+    # once for terminal, report and file; the length of an edge has none
+    assert len(computed) == 1
+    (row,) = plan.foreseen
+    assert row.name == "step"
+    shown = digits_text(row.expanded_uncertainty, 2)
+    assert f"its U of step will be about {shown} mm" in text
     assert plan.dimensions["step"].nominal == pytest.approx(10.0)
     step = plan.dimensions["step"]
     assert step.localisation == Localisation("gaussian", 0.1, floor_px=0.05)

@@ -297,8 +297,8 @@ GOOD = {
             r"focus_distance_mm must be in \[1e-09, 1e\+09\]\. Got 1e\+12",
         ),
         (
-            {"pixel_pitch_mm": 0.00345},
-            r"pixel_pitch_mm must be two numbers, across and down\. Got 0\.00345",
+            {"pixel_pitch_mm": "0.00345"},
+            r"pixel_pitch_mm must be two numbers, across and down\. Got '0\.00345'",
         ),
         ({"resolution": "24"}, r"resolution must be two numbers, across and down\. Got '24'"),
         ({"resolution": (2448, 2048.5)}, r"resolution must be whole pixels\. Got 2048\.5"),

@@ -177,6 +177,14 @@ def test_toml_round_trip(tmp_path):
     assert Camera.from_dict(camera.to_dict()) == camera
 
 
+def test_one_pitch_is_that_of_square_pixels(tmp_path):
+    path = tmp_path / "square.toml"
+    path.write_text(GOOD.replace("[0.00345, 0.00345]", "0.00345"))
+    assert Camera.from_toml(path) == make(name="square")
+    with pytest.raises(CameraError, match=r"must be two numbers, across and down\. Got True"):
+        make(pixel_pitch_mm=True)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -13,8 +13,22 @@ from part_images import Optics, PartImages
 from plan_examples import changed
 from rendered_images import Lamp
 
-from planner import Camera, MeasureOptions, Measurer, PoseUncertainty, Registration
-from planner.measuring.foreseen import foreseen_uncertainties, surest
+from planner import (
+    Camera,
+    InspectionPlan,
+    MeasureOptions,
+    Measurer,
+    PlanFileError,
+    PoseUncertainty,
+    Registration,
+)
+from planner.measuring.foreseen import (
+    foreseen_in_time,
+    foreseen_uncertainties,
+    surest,
+    with_foreseen,
+)
+from planner.progress import TimeLeft
 from planner.report.wording import unstated_edges_text
 from planner.request.registration import OWN_EDGES, PoseKnowledge, RegistrationRecord
 
@@ -79,9 +93,59 @@ def test_sharp_edges_leave_the_floor_of_the_detector():
 
 def test_what_is_foreseen_stands_among_the_notes_of_a_plan():
     plan = plan_of("own edges")
-    rows = foreseen_uncertainties(plan, SOLID)
-    text = unstated_edges_text(plan, rows)
-    best = surest(rows)
+    plan = with_foreseen(plan, SOLID)
+    text = unstated_edges_text(plan)
+    best = surest(plan.foreseen)
     n_open = sum(row.is_open for row in best.values())
     assert n_open > 0
     assert f"it is open for {n_open} of {len(best)} dimensions" in text
+
+
+def test_a_plan_without_time_for_it_says_so():
+    plan = plan_of("planned")
+    same, (sentence,) = foreseen_in_time(plan, SOLID, TimeLeft(0.0))
+    assert same is plan
+    assert "--time-limit" in sentence
+    assert foreseen_in_time(plan, SOLID, TimeLeft()) == (with_foreseen(plan, SOLID), [])
+
+
+def test_a_plan_holds_what_is_foreseen():
+    plan = with_foreseen(plan_of("own edges"), SOLID)
+    assert plan.foreseen == tuple(foreseen_uncertainties(plan, SOLID))
+    data = plan.to_dict()
+    assert InspectionPlan.from_dict(data).foreseen == plan.foreseen
+    rows = {row["name"]: row for row in plan.rows()}
+    for foreseen in plan.foreseen:
+        row = rows[foreseen.name]
+        assert row["measured_uncertainty"] == foreseen.expanded_uncertainty
+        assert row["unseen_uncertainty"] == foreseen.unseen_uncertainty
+    heading = plan.to_csv().splitlines()[0]
+    assert "measured_uncertainty (mm)" in heading
+    # a file of before is read as it is
+    del data["foreseen"]
+    older = InspectionPlan.from_dict(data)
+    assert older.foreseen == ()
+    assert {row["measured_uncertainty"] for row in older.rows()} == {None}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "rule"),
+    [
+        (
+            "setting",
+            1,
+            r"foreseen\[0\].setting must be the number of a setting, from 0 to 0. Got 1",
+        ),
+        ("name", "none", r"foreseen\[0\].name must be a dimension that setting 0 measures"),
+        ("unseen_uncertainty", 0.0, "must be at least expanded_uncertainty. Got 0"),
+        ("expanded_uncertainty", -1.0, "must not be negative"),
+    ],
+)
+def test_what_is_foreseen_must_be_of_the_plan(key, value, rule):
+    data = with_foreseen(plan_of("planned"), SOLID).to_dict()
+    rows = [dict(row) for row in data["foreseen"]]
+    rows[0][key] = value
+    with pytest.raises(PlanFileError, match=rule):
+        InspectionPlan.from_dict({**data, "foreseen": rows})
+    with pytest.raises(PlanFileError, match=r"name must stand once for setting 0"):
+        InspectionPlan.from_dict({**data, "foreseen": [data["foreseen"][0]] * 2})

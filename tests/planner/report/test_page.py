@@ -7,7 +7,6 @@ import io
 import math
 import re
 import shutil
-import time
 import zlib
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -28,8 +27,6 @@ from planner import Lighting, LightPlan, LitImage, look_at
 from planner.files import timestamp
 from planner.identity import PartRecord
 from planner.plan import InspectionPlan
-from planner.progress import TimeIsUpError
-from planner.report import page as page_module
 from planner.report.figure import color_of, figure_views, plan_figure
 from planner.report.page import facts, make_report, report_html
 from planner.report.predicted_image import PictureMaker, png_data
@@ -455,17 +452,6 @@ def test_pictures_that_had_no_time_are_replaced_by_a_sentence(page):
     assert "2 settings" in sentence
     assert "--time-limit" in sentence
     assert make_report(box_plan(), SPACE).left_out == []
-
-
-def test_a_report_lacks_uncertainties_that_there_was_no_time_for(monkeypatch):
-    def late(*_):
-        raise TimeIsUpError
-
-    monkeypatch.setattr(page_module, "foreseen_uncertainties", late)
-    report = make_report(box_plan(), SPACE, until=time.time() + 600.0)
-    (sentence,) = report.left_out
-    assert sentence.startswith("The report lacks the uncertainties that 'measure' will state")
-    assert sentence.replace("'", "&#39;") in report.html()
     names = {one.name for one in plan_figure(box_plan(), SPACE.solid, SPACE, until=0.0).data}
     every = {one.name for one in plan_figure(box_plan(), SPACE.solid, SPACE).data}
     assert every - names == {"domains of setting 1", "domains of setting 2"}
