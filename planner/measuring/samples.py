@@ -57,6 +57,8 @@ _SAMPLING_VARIANCE = 1 / 6 + 1 / 12
 # places beside an edge between which light may rise or fall evenly, standard deviations of its blur, and px at least
 _BESIDE = np.array([3.0, 4.5, 6.0])
 _BESIDE_LEAST_PX = np.array([2.5, 3.75, 5.0])
+# px: what moves an edge by more is the other side of a broken edge, or a shadow, and no slope of light
+_MOST_BY_SLOPES_PX = 0.05
 # slopes of the halves of this differ by so many standard deviations of the noise over its width by chance
 _UNEVEN_NOISES = 8.0
 
@@ -287,7 +289,8 @@ def shift_by_slopes(grey: Array, at_px: Array, blur_px: Array, step: Array, nois
     Returns
     -------
     array (m,)
-        0 where a scan does not reach far enough.
+        0 where a scan does not reach far enough, and where it would be more than 0.05 px: the other side of a broken
+        edge does that.
     """
     sigma = np.sqrt(blur_px**2 + _SAMPLING_VARIANCE)
     beside = np.maximum(_BESIDE * sigma[:, None], _BESIDE_LEAST_PX)
@@ -301,7 +304,8 @@ def shift_by_slopes(grey: Array, at_px: Array, blur_px: Array, step: Array, nois
     uneven = np.abs(nearer - farther)
     usable = (uneven <= np.maximum(np.abs(bend), _UNEVEN_NOISES * noise / width)) & (step != 0)
     variance = sigma**2 + SMOOTHING_PX**2
-    return np.where(usable, variance * bend / np.where(usable, step, 1.0), 0.0)
+    shift = np.where(usable, variance * bend / np.where(usable, step, 1.0), 0.0)
+    return np.where(np.abs(shift) <= _MOST_BY_SLOPES_PX, shift, 0.0)
 
 
 def _between(grey: Array, at_px: Array) -> Array:

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from errors.measurands import SplitModel, split_model
+from errors.measurands import End, SplitModel, split_model
+from errors.measurands.position import Position
 from ground.shared import Shared
 from planner.bound.lower_bound import exclusion_proof, lower_bound
 from planner.cover import few_columns, maximal_columns
@@ -241,10 +242,13 @@ class _EndPoses:
         return [name for k, name in enumerate(names) if seen[alone.owner == k].all()]
 
     def _realise(self, child: SearchRun, seen: NDArray[np.bool_]) -> None:
-        """Give ends that no pose inspects a run of the genetic algorithm each, as long as the other end has a pose."""
+        """Give ends that no pose inspects a run of the genetic algorithm each, as long as the other end has a pose.
+
+        Not those of positions, whose probability is an integral: such a run may take a minute.
+        """
         for column in range(0, len(seen), 2):
             for k in (column, column + 1):
-                if seen[k]:
+                if seen[k] or self._is_position(child, k):
                     continue
                 (outcome,) = child.realise([(child.names[k],)])
                 if outcome.setting is None:
@@ -255,6 +259,13 @@ class _EndPoses:
                     break
                 seen |= inspects
                 self.poses = np.concatenate([self.poses, pose])
+
+    @staticmethod
+    def _is_position(child: SearchRun, column: int) -> bool:
+        target = child.problem.measured[child.names[column]]
+        assert isinstance(target, PlannedDimension)
+        value = target.measurand
+        return isinstance(value, End) and isinstance(value.whole, Position)
 
 
 def child_run(run: SearchRun, problem: Problem) -> SearchRun:

@@ -373,17 +373,32 @@ def test_registered_values_of_rendered_images_lie_within_u(solid, plan):
     assert [reading.image for reading in length.readings] == images_of_ends
 
 
-@pytest.fixture(scope="module")
-def bolt_plan(solid, plan):
-    """The left bore is 60 mm from its datums, the right side and the right bore: an image for each end."""
+def bolt_of(solid):
+    """The position of the left bore to the right side and the right bore."""
     left, right = upper_rims(solid)
     side = next(
         k
         for k in range(len(solid.edges))
         if np.allclose(solid.edge_points(k).mean(axis=0), [LENGTH_MM, 25.0, 40.0])
     )
-    item = Dimension.position(left, [side, right], 1.2, share=0.25)
-    _, (bolt,) = resolve_wanted(solid, {"bolt": item}, 0.8)
+    return Dimension.position(left, [side, right], 1.2, share=0.25)
+
+
+def test_the_search_splits_a_position(solid, wanted):
+    """Its entities are 73 mm apart, and the image covers 69 mm where the lens focuses."""
+    asked = {"bore": wanted["bore"], "bolt": bolt_of(solid)}
+    plan = planned(solid, asked, effort=Effort.named("quick"))
+    assert list(plan.split) == ["bolt"]
+    assert len(plan.settings) == 2
+    assert plan.inspected["bolt"] >= 0.8
+    whole = planned(solid, asked, effort=EFFORT, split="never")
+    assert "larger than the field of view" in whole.uninspectable["bolt"]
+
+
+@pytest.fixture(scope="module")
+def bolt_plan(solid, plan):
+    """The left bore is 60 mm from its datums, the right side and the right bore: an image for each end."""
+    _, (bolt,) = resolve_wanted(solid, {"bolt": bolt_of(solid)}, 0.8)
     request = replace(plan.request, targets=(plan.targets["bore"], bolt))
     poses = look_at([[x, 25.0, 290.0] for x in (20.0, 61.5)], [40.0, 25.0, 40.0], roll=0.0)
     settings = []
