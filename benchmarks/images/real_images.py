@@ -1,7 +1,8 @@
 """A referee of `aspectgraph measure` on images as cameras take them, of edges as machines leave them.
 
 Needs mitsuba 3.9 or newer, which the project does not install: `pip install mitsuba`. Its fast variant needs LLVM 16 or
-newer; name the library in DRJIT_LIBLLVM_PATH where it is not found. The part (`broken_part`) has sizes that deviate,
+newer; name the library in DRJIT_LIBLLVM_PATH where it is not found. mitsuba 3.9.1 stops with LLVM 16 ("cannot select
+fminimum"), 3.9.0 does not. The part (`broken_part`) has sizes that deviate,
 and sharp, chamfered or rounded edges. Light goes from face to face. The images are blurred, noisy, and go through a
 response of the camera to whole grey values. Nothing is shared with what measures them.
 
