@@ -205,14 +205,14 @@ def end_groups(value: Measurand) -> tuple[tuple[int, ...], tuple[int, ...]]:
         return (0,), (1,)
     apart = _distances(value.geometry)
     best: tuple[tuple[int, ...], tuple[int, ...]] = (0,), tuple(range(1, n))
-    least = (math.inf, math.inf)
+    lowest = (math.inf, math.inf)
     for first in _first_groups(value.geometry):
         second = tuple(k for k in range(n) if k not in first)
         extents = [round(float(apart[np.ix_(group, group)].max()), 6) for group in (first, second)]
         cost = (max(extents), sum(extents))
-        if cost < least:
+        if cost < lowest:
             best = first, second
-            least = cost
+            lowest = cost
     return best
 
 

@@ -515,6 +515,31 @@ class FolderWork:
                     time_limit_s=self.deadline.seconds_left(SEARCH_SHARE),
                 )
             )
+        plan, notes = self.checked(plan)
+        try:
+            written = write_outputs(
+                plan,
+                regions,
+                self.folder,
+                progress,
+                graph_limit=self.graph_limit,
+                deadline=self.deadline,
+                notes=notes,
+                cell=self.cell,
+            )
+        except OutputError as error:
+            raise self.unwritten(plan, error) from None
+        if not plan.unfinished:
+            # a longer limit goes on from there; what stays does no harm, it gives the same plan again
+            self.regions.remove()
+            with suppress(OSError):
+                self.state.unlink(missing_ok=True)
+        return plan, written
+
+    def checked(self, plan: InspectionPlan) -> tuple[InspectionPlan, list[str]]:
+        """Return a plan with its lamps, simulation and foreseen uncertainties, and sentences on what is missing."""
+        request = self.resolved.request
+        progress = self.options.progress
         lit = with_light(
             plan,
             self.solid,
@@ -536,27 +561,7 @@ class FolderWork:
         made = Made.now(request, digest, self.operator)
         until = self.deadline.time_left(FORESEEN_SHARE)
         plan, late = foreseen_in_time(plan, self.solid, until)
-        notes += late
-        plan = replace(plan, made=made, not_planned=self.not_planned)
-        try:
-            written = write_outputs(
-                plan,
-                regions,
-                self.folder,
-                progress,
-                graph_limit=self.graph_limit,
-                deadline=self.deadline,
-                notes=notes,
-                cell=self.cell,
-            )
-        except OutputError as error:
-            raise self.unwritten(plan, error) from None
-        if not plan.unfinished:
-            # a longer limit goes on from there; what stays does no harm, it gives the same plan again
-            self.regions.remove()
-            with suppress(OSError):
-                self.state.unlink(missing_ok=True)
-        return plan, written
+        return replace(plan, made=made, not_planned=self.not_planned), [*notes, *late]
 
 
 class _PartWork(FolderWork):
