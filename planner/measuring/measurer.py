@@ -488,7 +488,8 @@ class Measurer:
         self._add_unregistered(readings, failed)
         results = self._merged(readings, joint, options.rule)
         results |= self._not_planned(options.rule)
-        results |= self._of_several_images(response, registered, joint, options)
+        why = self._why_unregistered(failed)
+        results |= self._of_several_images(response, registered, why, joint, options)
         scene = self.model.edges.scene
         notes = image_notes(self.plan, scene, pictures, registered, readings)
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
@@ -851,16 +852,30 @@ class Measurer:
             return self.plan.targets[name]
         return whole_targets(self.plan, settings[0])[name]
 
+    def _why_unregistered(self, failed: Mapping[str, tuple[str, str]]) -> dict[str, list[str]]:
+        """Return by target why images that the plan has for its ends cannot be registered."""
+        why: dict[str, list[str]] = {name: [] for name in self._ends}
+        for shot in self.shots:
+            if shot.name not in failed:
+                continue
+            for name in self.plan.settings[shot.setting].ends:
+                reason = f"the image cannot be registered: {with_advice(*failed[shot.name])}"
+                why[name].append(f"{shot.name}: {reason}")
+        return why
+
     def _of_several_images(
         self,
         response: JudgedResponse,
         registered: Mapping[str, Registered],
+        why: dict[str, list[str]],
         known: PartPosterior,
         options: MeasureOptions,
     ) -> dict[str, Result]:
-        """Return results of targets whose entities are in different images, whether the plan inspects them or not."""
+        """Return results of targets whose entities are in different images, whether the plan inspects them or not.
+
+        ``why`` says of each which images cannot be used.
+        """
         best: dict[str, dict[int, ScannedEnd]] = {name: {} for name in self._ends}
-        why: dict[str, list[str]] = {name: [] for name in self._ends}
         for shot in self.shots:
             image = registered.get(shot.name)
             if image is None:

@@ -58,7 +58,9 @@ _SAMPLING_VARIANCE = 1 / 6 + 1 / 12
 _BESIDE = np.array([3.0, 4.5, 6.0])
 _BESIDE_LEAST_PX = np.array([2.5, 3.75, 5.0])
 # px: what moves an edge by more is the other side of a broken edge, or a shadow, and no slope of light
-_MOST_BY_SLOPES_PX = 0.05
+_MOST_BY_SLOPES_PX = 0.1
+# how far slopes are looked at: those of blurs up to 1.5 px
+_SLOPES_PX = 9.0
 # slopes of the halves of this differ by so many standard deviations of the noise over its width by chance
 _UNEVEN_NOISES = 8.0
 
@@ -256,11 +258,14 @@ def find_edges(
     state[outside] = State.OUTSIDE
     width = np.abs(high - low) / np.maximum(np.sqrt(2 * np.pi) * peak, 1e-12)
     blur = _blur_of(width)
-    found = state == State.FOUND
-    offset[found] -= shift_by_slopes(
-        grey[found], offset[found] - places[0], blur[found], (high - low)[found], noise
-    )
-    return Scans(offset, state, (high - low) / white, blur)
+    found = np.flatnonzero(state == State.FOUND)
+    # how far an edge is searched must not decide whether what is beside it is seen
+    edges = centres[found] + offset[found, None] * across[found]
+    around, grey = profiles_of(image, edges, across[found], _SLOPES_PX - BESIDE_PX)
+    step = high - low
+    middle = np.full(len(found), -around[0])
+    offset[found] -= shift_by_slopes(grey, middle, blur[found], step[found], noise)
+    return Scans(offset, state, step / white, blur)
 
 
 def shift_by_slopes(grey: Array, at_px: Array, blur_px: Array, step: Array, noise: float) -> Array:
@@ -289,8 +294,8 @@ def shift_by_slopes(grey: Array, at_px: Array, blur_px: Array, step: Array, nois
     Returns
     -------
     array (m,)
-        0 where a scan does not reach far enough, and where it would be more than 0.05 px: the other side of a broken
-        edge does that.
+        0 where the image does not reach far enough, and where it would be more than 0.1 px: the other side of a broken
+        edge does that. Less from half of this on.
     """
     sigma = np.sqrt(blur_px**2 + _SAMPLING_VARIANCE)
     beside = np.maximum(_BESIDE * sigma[:, None], _BESIDE_LEAST_PX)
@@ -302,10 +307,16 @@ def shift_by_slopes(grey: Array, at_px: Array, blur_px: Array, step: Array, nois
     bend = (sums[:, -1] - sums[:, 0]) / width
     nearer, farther = (np.diff(sums, axis=1) / np.diff(beside, axis=1)).T
     uneven = np.abs(nearer - farther)
-    usable = (uneven <= np.maximum(np.abs(bend), _UNEVEN_NOISES * noise / width)) & (step != 0)
+    even = _share_below(uneven, np.maximum(np.abs(bend), _UNEVEN_NOISES * noise / width))
     variance = sigma**2 + SMOOTHING_PX**2
+    usable = (even > 0) & (step != 0)
     shift = np.where(usable, variance * bend / np.where(usable, step, 1.0), 0.0)
-    return np.where(np.abs(shift) <= _MOST_BY_SLOPES_PX, shift, 0.0)
+    return even * _share_below(np.abs(shift), _MOST_BY_SLOPES_PX) * shift
+
+
+def _share_below(value: Array, limit: Array | float) -> Array:
+    """Return 1 up to half of a limit, falling to 0 at the limit, so that no place depends on which side noise falls."""
+    return np.nan_to_num(np.clip(2.0 - 2.0 * value / np.maximum(limit, 1e-12), 0.0, 1.0))
 
 
 def _between(grey: Array, at_px: Array) -> Array:

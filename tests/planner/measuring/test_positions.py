@@ -128,8 +128,7 @@ def test_size_and_deviation_are_known_together(solid, images, exact):
     assert np.linalg.eigvalsh(covariance).min() > 0
     diameter = measure(plate.measured_plan(solid, ("left",), 1), solid, images, registration=exact)
     alone = diameter["left"].readings[0]
-    # the datums tell a little of the camera's response, too
-    assert one.readings[0].size_mm == pytest.approx(alone.value, abs=2e-4)
+    assert one.readings[0].size_mm == pytest.approx(alone.value, abs=1e-5)
     assert covariance[2, 2] == pytest.approx(alone.standard_uncertainty**2, rel=0.02)
 
 

@@ -64,11 +64,18 @@ def test_another_step_beside_an_edge_is_not_taken_for_a_slope():
     assert beside == pytest.approx(alone, abs=0.004)
 
 
-def test_a_scan_too_short_to_tell_slopes_keeps_the_steepest_place():
-    """Light is told apart from blur from 3 to 6 blurs beside an edge, 5 px at least."""
-    image = sloped(U - 33.2, 0.0, 1.5)
-    found = scan(image, half=4.0)
-    assert found.offset[0] == pytest.approx(3.2 + (SIGMA**2 + 1.25) * 1.5 / 120, abs=0.006)
+@pytest.mark.parametrize("half", [3.5, 4.0, 6.0, 12.0])
+def test_how_far_an_edge_is_searched_does_not_move_it(half):
+    """Slopes are looked at from 3 to 6 blurs beside an edge, 5 px at least: more than a short search holds."""
+    found = scan(sloped(U - 32.2, 0.0, 1.5), half=half)
+    assert found.offset[0] == pytest.approx(2.2, abs=0.006)
+
+
+def test_an_edge_near_the_end_of_an_image_keeps_its_steepest_place():
+    """Nothing is known of the light beyond: 5 px beside the edge are in the image, and 6 blurs are 5.5 px."""
+    found = scan(sloped(U - 53.8, 0.0, 1.5), centre=(53.5, 30.0), half=1.0)
+    assert found.state[0] == State.FOUND
+    assert found.offset[0] == pytest.approx(0.3 + (SIGMA**2 + 1.25) * 1.5 / 120, abs=0.006)
 
 
 def test_the_blur_is_that_of_the_step():

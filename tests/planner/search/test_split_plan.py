@@ -462,6 +462,16 @@ def test_draws_without_error_models_agree_for_a_position(bolt_plan):
     assert model.standard_uncertainty(poses) == pytest.approx(least, rel=0.2)
 
 
+def test_a_split_value_says_why_its_image_cannot_be_used(solid, plan):
+    """An image without any edge cannot be registered, and each target of it says so."""
+    width, height = CAMERA.resolution
+    even = np.full((height, width), 128, dtype=np.uint8)
+    results = measure(plan, solid, dict.fromkeys(("setting_01", "setting_02"), even))
+    reason = results["length"].reason
+    for name in ("setting_01", "setting_02"):
+        assert f"{name}: the image cannot be registered" in reason
+
+
 def test_rendered_holes_lie_within_u_of_their_positions(solid, bolt_plan):
     # of the parts 0 and 4, a quarter of the far rim is taken for the end of a shadow, and nothing is read
     for seed in (1, 2):
