@@ -169,10 +169,9 @@ class EntityAspectGraph(ShownInNotebook):
             percent = 100 * nodes[node]["volume"] / total
             share = f"{percent:.2g} %" if percent >= 0.01 else "< 0.01 %"
             clearance = f"{nodes[node]['clearance']:.3g}"
-            rows.append((node, len(names), _some(names), share, place, clearance))
+            rows.append((node, f"{len(names)}: {_some(names)}", share, place, clearance))
         headings = (
             "domain",
-            "entities",
             listed_as,
             "share of space",
             "viewpoint (mm)",
@@ -187,7 +186,7 @@ class EntityAspectGraph(ShownInNotebook):
         return NotebookView(
             f"{self._title} of {self.solid.name or 'a part'}",
             lines,
-            NotebookTable(headings, rows, right=(0, 1, 3, 5)),
+            NotebookTable(headings, rows, right=(0, 2, 4)),
         )
 
     @property

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.spatial import cKDTree
 from scipy.special import erf
 
@@ -63,6 +63,10 @@ _MOST_BY_SLOPES_PX = 0.1
 _SLOPES_PX = 9.0
 # slopes of the halves of this differ by so many standard deviations of the noise over its width by chance
 _UNEVEN_NOISES = 8.0
+
+# places next to each other along an edge are at most so far apart, px, and so many are looked at together
+_NEXT_PX = 10.0
+_MEAN_OF = 15
 
 # px: blurs that can be told apart
 _BLURS = np.linspace(0.0, 5.0, 101)
@@ -264,11 +268,13 @@ def find_edges(
     around, grey = profiles_of(image, edges, across[found], _SLOPES_PX - BESIDE_PX)
     step = high - low
     middle = np.full(len(found), -around[0])
-    offset[found] -= shift_by_slopes(grey, middle, blur[found], step[found], noise)
+    offset[found] -= shift_by_slopes(grey, middle, blur[found], step[found], noise, edges)
     return Scans(offset, state, step / white, blur)
 
 
-def shift_by_slopes(grey: Array, at_px: Array, blur_px: Array, step: Array, noise: float) -> Array:
+def shift_by_slopes(
+    grey: Array, at_px: Array, blur_px: Array, step: Array, noise: float, places: Array
+) -> Array:
     """Return how far the steepest place of scans is off their edge because light beside it rises or falls, px.
 
     Let a step A be at 0, with slopes a before it and b after it, and s² be the variance of blur, sampling and the
@@ -290,6 +296,8 @@ def shift_by_slopes(grey: Array, at_px: Array, blur_px: Array, step: Array, nois
         Grey value after the edge less that before it.
     noise : float
         Standard deviation of the noise, in grey values.
+    places : array (m, 2)
+        Steepest places in the image, px: those next to each other along an edge are looked at together.
 
     Returns
     -------
@@ -309,14 +317,28 @@ def shift_by_slopes(grey: Array, at_px: Array, blur_px: Array, step: Array, nois
     uneven = np.abs(nearer - farther)
     even = _share_below(uneven, np.maximum(np.abs(bend), _UNEVEN_NOISES * noise / width))
     variance = sigma**2 + SMOOTHING_PX**2
-    usable = (even > 0) & (step != 0)
-    shift = np.where(usable, variance * bend / np.where(usable, step, 1.0), 0.0)
-    return even * _share_below(np.abs(shift), _MOST_BY_SLOPES_PX) * shift
+    # weak steps tell least of how far light moves them
+    weight = _mean_along(step**2, places)
+    moment = _mean_along(np.where(even > 0, even * variance * bend * step, 0.0), places)
+    shift = np.where(weight > 0, moment / np.where(weight > 0, weight, 1.0), 0.0)
+    return _share_below(np.abs(shift), _MOST_BY_SLOPES_PX) * shift
 
 
 def _share_below(value: Array, limit: Array | float) -> Array:
     """Return 1 up to half of a limit, falling to 0 at the limit, so that no place depends on which side noise falls."""
     return np.nan_to_num(np.clip(2.0 - 2.0 * value / np.maximum(limit, 1e-12), 0.0, 1.0))
+
+
+def _mean_along(value: Array, places: Array) -> Array:
+    """Return the means (m,) of values and their neighbours, at places (m, 2) along edges, px.
+
+    Light beside an edge changes slowly along it. What differs between neighbours is noise, texture, or facets.
+    """
+    result = np.array(value)
+    gaps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    for run in np.split(np.arange(len(value)), np.flatnonzero(gaps > _NEXT_PX) + 1):
+        result[run] = uniform_filter1d(value[run], _MEAN_OF, mode="nearest")
+    return result
 
 
 def _between(grey: Array, at_px: Array) -> Array:

@@ -78,6 +78,28 @@ def test_an_edge_near_the_end_of_an_image_keeps_its_steepest_place():
     assert found.offset[0] == pytest.approx(0.3 + (SIGMA**2 + 1.25) * 1.5 / 120, abs=0.006)
 
 
+def test_noise_beside_a_weak_edge_does_not_scatter_its_places():
+    """A step of twelve grey values: each scan's slopes alone would move it by .05 px, which 15 neighbours do not."""
+    rng = np.random.default_rng(5)
+    height = 300
+    u = np.broadcast_to(np.arange(60.0), (height, 60))
+    image = step(u - 30.2, low=60.0, high=72.0) + rng.normal(0.0, 1.0, (height, 60))
+    rows = np.arange(10.0, height - 10.0, 2.5)
+    centres = np.column_stack([np.full(len(rows), 30.0), rows])
+    across = np.broadcast_to([1.0, 0.0], centres.shape)
+    options = {"white": 255.0, "noise": 1.0}
+    grey = image.astype(np.float32)
+    along = find_edges(grey, centres, across, 4.0, **options).offset
+    # far from each other, each has only its own
+    alone = [
+        find_edges(grey, centre[None], across[:1], 4.0, **options).offset[0] for centre in centres
+    ]
+    differences = along - np.array(alone)
+    assert np.std(differences) > 0.01
+    assert np.std(along) < 0.95 * np.std(alone)
+    assert np.mean(along) == pytest.approx(0.2, abs=4 * np.std(along) / np.sqrt(len(rows)))
+
+
 def test_the_blur_is_that_of_the_step():
     assert scan(step(U - 30.2)).blur_px[0] == pytest.approx(SIGMA, abs=0.15)
 

@@ -465,16 +465,15 @@ def test_draws_without_error_models_agree_for_a_position(bolt_plan):
 def test_a_split_value_says_why_its_image_cannot_be_used(solid, plan):
     """An image without any edge cannot be registered, and each target of it says so."""
     width, height = CAMERA.resolution
-    even = np.full((height, width), 128, dtype=np.uint8)
-    results = measure(plan, solid, dict.fromkeys(("setting_01", "setting_02"), even))
+    images = {f"setting_{k:02}": np.full((height, width), 120 + k, dtype=np.uint8) for k in (1, 2)}
+    results = measure(plan, solid, images)
     reason = results["length"].reason
     for name in ("setting_01", "setting_02"):
         assert f"{name}: the image cannot be registered" in reason
 
 
 def test_rendered_holes_lie_within_u_of_their_positions(solid, bolt_plan):
-    # of the parts 0 and 4, a quarter of the far rim is taken for the end of a shadow, and nothing is read
-    for seed in (1, 2):
+    for seed in (0, 1):
         rehearsal = Rehearsal(bolt_plan, solid, seed=seed)
         images = {rendered.shot.name: rendered.grey for rendered in rehearsal.images()}
         bolt = measure(bolt_plan, solid, images)["bolt"]
