@@ -479,6 +479,11 @@ class AreaSpace(LitSpace):
         return {**self.__dict__, "_sight": None}
 
     @property
+    def nearby(self) -> Space:
+        """The space that is asked of the points around a viewpoint, see `planner.request.reach.nearby_space`."""
+        return self if self.area.only_outlines else self.regions
+
+    @property
     def only_outlines(self) -> bool:
         """Whether only outlines make lines in the image."""
         return self.area.only_outlines

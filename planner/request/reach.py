@@ -527,6 +527,12 @@ class TargetSpace:
         )
 
     @property
+    def nearby(self) -> TargetSpace:
+        """The space that is asked of the points around a viewpoint, see `nearby_space`."""
+        near = nearby_space(self.space)
+        return self if near is self.space else TargetSpace(near, self.entities)
+
+    @property
     def solid(self) -> Solid:
         """The part."""
         return self.space.solid
@@ -612,6 +618,16 @@ class TargetSpace:
         return TargetSpace(space, {name: self.entities[name] for name in names})
 
 
+def nearby_space(space: Space) -> Space:
+    """Return the space that is asked of the points around a viewpoint of a space.
+
+    What faces hide changes at once, and is asked of all of them. The light that a camera carries moves with it by a
+    fraction of a millimetre: the viewpoint alone is asked, and the pose that is chosen is checked by more rays.
+    """
+    near: Space = getattr(space, "nearby", space)
+    return near
+
+
 def entity_space(space: Space) -> Space:
     """Return the space of entities below a space of targets; a space of entities is itself."""
     return space.space if isinstance(space, TargetSpace) else space
@@ -642,14 +658,15 @@ def visibility_slacks(
     All around it are 14 points at `radius_mm`: along the axes and the diagonals of the part's frame. Outside the
     workspace nothing is observable.
     """
-    if radius_mm > 0 and len(positions) <= FEW:
+    near = nearby_space(space)
+    if radius_mm > 0 and len(positions) <= FEW and near is space:
         return np.where(
             _observable_around(space, positions, names, radius_mm, _AND_HERE), 1.0, -1.0
         )[..., None]
     visible = _observable(space, positions, names)
     rows = np.flatnonzero(visible.any(axis=1))
     if radius_mm > 0 and rows.size:
-        visible[rows] &= _observable_around(space, positions[rows], names, radius_mm, AROUND)
+        visible[rows] &= _observable_around(near, positions[rows], names, radius_mm, AROUND)
     return np.where(visible, 1.0, -1.0)[..., None]
 
 
@@ -683,13 +700,14 @@ def visible_where(
     """Return which of the wanted pairs (n, k) are observable, also from all around, as `visibility_slacks` finds it."""
     visible = _observable_where(space, positions, names, wanted)
     rows = np.flatnonzero(visible.any(axis=1)) if radius_mm > 0 else np.zeros(0, np.intp)
+    near = nearby_space(space)
     # so many rows at a time, for the memory
     size = max(1, _PAIRS // (len(AROUND) * max(1, len(names))))
     for first in range(0, len(rows), size):
         chunk = rows[first : first + size]
         eyes = (positions[chunk, None] + radius_mm * AROUND).reshape(-1, 3)
         pairs = np.repeat(visible[chunk], len(AROUND), axis=0)
-        around = _observable_where(space, eyes, names, pairs)
+        around = _observable_where(near, eyes, names, pairs)
         visible[chunk] = around.reshape(len(chunk), len(AROUND), -1).all(axis=1)
     return visible
 

@@ -454,20 +454,23 @@ def test_what_is_no_file_is_refused_in_its_row(parts, request_, tmp_path):
     assert found["a.off"].status == "planned"
 
 
-@pytest.mark.parametrize(
-    "change",
-    [{"entities": "2"}, {"status": "fine"}, {"seconds": -1}, {"more": 1}, {"reason": None}],
-)
-def test_a_record_that_breaks_the_schema_is_not_believed(parts, request_, tmp_path, change):
+def test_a_record_that_breaks_the_schema_is_not_believed(parts, request_, tmp_path):
     out = tmp_path / "out"
     first = plan_folder(parts, out, request_)
     path = out / "a.off" / "result.json"
-    path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
-    again = plan_folder(parts, out, request_)
-    assert [replace(one, seconds=0.0) for one in again] == [
-        replace(one, seconds=0.0) for one in first
-    ]
-    assert set(json.loads(path.read_text())) == {field.name for field in fields(first[0])}
+    for change in (
+        {"entities": "2"},
+        {"status": "fine"},
+        {"seconds": -1},
+        {"more": 1},
+        {"reason": None},
+    ):
+        path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
+        again = plan_folder(parts, out, request_)
+        assert [replace(one, seconds=0.0) for one in again] == [
+            replace(one, seconds=0.0) for one in first
+        ]
+        assert set(json.loads(path.read_text())) == {field.name for field in fields(first[0])}
 
 
 # A Dask scheduler as an executor: one that answers, one that does not, and none at all.

@@ -8,12 +8,22 @@ from lit_parts import RIM, block, bore, step
 from plan_examples import CAMERA, plan, setting
 
 from ground.convert import from_plain, to_plain
-from planner import CoaxialLight, DiffuseDome, LampBox, Lighting, Material, RingLight, plan_light
+from planner import (
+    Backlight,
+    CoaxialLight,
+    DiffuseDome,
+    LampBox,
+    Lighting,
+    Material,
+    RingLight,
+    plan_light,
+)
 from planner.exceptions import RequestError
 from planner.light.area_light import AreaSpace, EdgePoints, Sight, entity_shown
 from planner.light.light_plan import LightPlan
 from planner.light.mounted_light import HeldLight, flat_normals, looking_at
 from planner.light.reflection import Glare, Places
+from planner.request.reach import AROUND
 
 METAL = Material("metal", 0.1)
 
@@ -115,6 +125,24 @@ def test_the_quick_answer_of_the_search_is_near_the_full_one():
         ]
         assert quick == pytest.approx(full, abs=0.25)
         assert ((quick >= 0.1) == (np.array(full) >= 0.1)).all()
+
+
+@pytest.mark.parametrize("kind", [DiffuseDome, CoaxialLight, RingLight])
+def test_around_a_viewpoint_it_shows_what_it_shows_from_there(kind):
+    """So the search asks the regions alone of these points: faces hide at once, and the light is the camera's."""
+    part = bore(6.0, 12.0)
+    sight = Sight.of(part, CAMERA)
+    ids = rim_ids(part, 6.0)
+    light = kind.on(CAMERA, None, 40.0)
+    for pose in looking_at(np.array([[0.0, 0, 600], [30, 10, 590]]), np.mean(part.bounds, axis=0)):
+        moved = pose[:3, 3] + 0.5 * np.vstack([np.zeros(3), AROUND])
+        contrast, step = entity_shown(light.held(pose), sight, ids, moved)
+        assert np.ptp(contrast) < 0.02
+        assert np.ptp(step) < 0.02
+    regions = object.__new__(AreaSpace)
+    assert AreaSpace(regions, CAMERA, light, (0.1, 0.1)).nearby is regions
+    standing = AreaSpace(regions, CAMERA, Backlight.under(part), (0.1, 0.1))
+    assert standing.nearby is standing
 
 
 def test_nothing_shows_beside_the_hole_or_with_the_light_in_the_part():

@@ -48,3 +48,35 @@ def test_pairs_are_answered_as_columns_are(spaces, kind, names, radius_mm):
 def test_nothing_wanted_is_nothing_seen(spaces):
     positions = np.zeros((4, 3)) + 200.0
     assert not visible_where(spaces["regions"], positions, NAMES, np.zeros((4, 3), bool), 1.0).any()
+
+
+class HalfLit:
+    """A space that is dark in half of its regions, and does not answer for the points around a viewpoint."""
+
+    def __init__(self, space):
+        self.regions = space.space
+        self.workspace = space.workspace
+        self.asked = 0
+
+    @property
+    def nearby(self):
+        return self.regions
+
+    def observable(self, points, names):
+        self.asked += len(points)
+        return self.regions.observable(points, names) & (points[:, :1] > 50.0)
+
+
+@pytest.mark.parametrize("count", [20, 300])
+def test_points_around_a_viewpoint_are_asked_of_the_space_nearby(spaces, count):
+    lit = HalfLit(spaces["regions"])
+    targets = TargetSpace(lit, spaces["regions"].entities)
+    positions = np.random.default_rng(6).uniform(-290.0, 390.0, (count, 3))
+    shown = visibility_slacks(targets, positions, NAMES, 8.0)[..., 0] > 0
+    assert lit.asked == count
+    visible = visibility_slacks(spaces["regions"], positions, NAMES, 8.0)[..., 0] > 0
+    assert np.array_equal(shown, visible & (positions[:, :1] > 50.0))
+    wanted = np.ones_like(shown)
+    assert np.array_equal(visible_where(targets, positions, NAMES, wanted, 8.0), shown)
+    # of pairs, one target is asked after the other
+    assert lit.asked == (1 + len(NAMES)) * count
