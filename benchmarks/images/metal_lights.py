@@ -4,7 +4,8 @@ Needs mitsuba, see `real_images`. FOLDER keeps plans and images; a second run on
 need another one. For each part and light a plan is made for metal. By default it has the poses of a plan without light,
 which takes less time. Parts are drawn whose surfaces deviate, cameras are displaced, and the light stands or hangs
 where its record says. Exposures are those of the plan. A reading is planned if the plan says that the light shows a
-target in a setting. Edges are named by what is on their other side, seen from above:
+target in a setting. --above takes poses that a person would take: straight above each target, or moved by a share of
+the field. Edges are named by what is on their other side, seen from above:
 
 outline   nothing: the ground lies there
 hole      a hole that goes through
@@ -66,6 +67,8 @@ BELOW_MM = 0.05
 # rays start so far before the window of coaxial light, as the beam splitter lets them through
 BEFORE_MM = 1e-3
 WIDE_MM = 2000.0
+# poses above a target are moved by so much of the field
+SHIFTS = (0.0, -0.22, 0.22)
 # parts of a dome along its meridians and around
 _STEPS = 64, 192
 # a place is looked at from so far beside an edge, as a share of the part's size, and from above
@@ -103,6 +106,8 @@ def cases_of(folder: Path, parts: Path | None) -> dict[str, Case]:
     coarse = PoseUncertainty.isotropic(translation_mm=0.2, rotation_rad=0.001)
     for name in ("ctc_01", "ctc_02"):
         cases[name] = Case(parts / f"nist_{name}_ap242.stp", far, 0.05, 0.5, coarse)
+    # from farther away, walls of its holes are too narrow in the image
+    cases["ctc_01_near"] = Case(parts / "nist_ctc_01_ap242.stp", near, 0.05, 0.5, coarse)
     macro = Camera(25.0, pitch, size, 16.0, 150.0, largest_blur_mm=0.0138)
     exact = PoseUncertainty.isotropic(translation_mm=0.02, rotation_rad=0.0005)
     for name in ("1-1-2-2-19", "6-11-11-19"):
@@ -216,6 +221,22 @@ def _overlap(one, other) -> float:
     places = np.sort((other[3] - one[3][0]) @ along / length)
     shared = min(places[1], length) - max(places[0], 0.0)
     return float(shared / max(length, places[1] - places[0]))
+
+
+def poses_above(solid, dimensions: dict[str, Dimension], case: Case) -> np.ndarray:
+    """Return poses (n, 4, 4) that look straight down at dimensions, some of them beside the middle of the image."""
+    middles = {edge.id: solid.vertices[list(edge.vertices)].mean(axis=0) for edge in solid.edges}
+    middles |= {rim.id: np.asarray(rim.centre) for rim in solid.rims()}
+    distance = case.camera.focus_distance_mm
+    field = min(case.camera.sensor_size_mm) * distance / case.camera.focal_length_mm
+    poses = []
+    for dimension in dimensions.values():
+        place = np.mean([middles[name] for name in dimension.entities], axis=0)
+        for x, y in itertools.product(SHIFTS, SHIFTS):
+            pose = np.diag([1.0, -1.0, -1.0, 1.0])
+            pose[:3, 3] = place + np.array([x * field, y * field, distance])
+            poses.append(pose)
+    return np.array(poses)
 
 
 # Light.
@@ -345,9 +366,10 @@ def _grid_mesh(places):
 class Bench:
     """Plans and images, kept in a folder."""
 
-    def __init__(self, folder: Path, mi, samples: int, *, searches: bool):
+    def __init__(self, folder: Path, mi, samples: int, *, searches: bool, above: bool):
         self._folder = folder
-        self._searches = searches
+        self._searches = searches or above
+        self._is_above = above
         self._mi = mi
         self._samples = samples
 
@@ -370,9 +392,12 @@ class Bench:
     def _planned(self, case: Case, **lamps):
         began = time.process_time()
         solid = read_solid(case.path)
+        dimensions = dimensions_of(solid, case)
+        if self._is_above:
+            lamps["poses"] = poses_above(solid, dimensions, case)
         plan = plan_inspection(
             solid,
-            dimensions_of(solid, case),
+            dimensions,
             case.camera,
             case.uncertainty,
             registration=Registration.own_edges(case.surfaces_mm),
@@ -492,6 +517,7 @@ def parsed() -> argparse.ArgumentParser:
     parser.add_argument("--materials", nargs="+", default=list(ROUGHNESS))
     parser.add_argument("--seeds", nargs="*", type=int, default=[1, 2], help="none: only plan")
     parser.add_argument("--search", action="store_true", help="search poses under the light")
+    parser.add_argument("--above", action="store_true", help="choose among poses above the targets")
     parser.add_argument("--samples", type=int, default=32, help="a pixel, near edges")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--variant", default="llvm_ad_rgb")
@@ -510,7 +536,7 @@ def main() -> int:
         return 2
     mi.set_variant(options.variant)
     drjit.set_thread_count(options.threads)
-    bench = Bench(options.folder, mi, options.samples, searches=options.search)
+    bench = Bench(options.folder, mi, options.samples, searches=options.search, above=options.above)
     cases = cases_of(options.folder, options.parts)
     readings: list[Planned] = []
     for name, light, material in itertools.product(options.only, options.lights, options.materials):

@@ -498,7 +498,7 @@ class Measurer:
         unseen = unseen_breaks(results, states, limit_mm, options.rule)
         of_images = (*image_set.notes, *response.notes(readings), *edge_notes, *joint.notes)
         return MeasurementResults(
-            {name: results[name] for name in self.plan.entities},
+            {name: self._with_foreseen(results[name]) for name in self.plan.entities},
             {name: replace(image, evidence=None) for name, image in registered.items()},
             {name: with_advice(*both) for name, both in failed.items()},
             options.rule,
@@ -511,6 +511,16 @@ class Measurer:
             edges_text(results, states, unseen) + (" (as images show)" if uses_seen else ""),
             unseen,
         )
+
+    def _with_foreseen(self, result: Result) -> Result:
+        """Return a result with U as the plan foresaw it, in the surest of the settings whose images there are."""
+        settings = {reading.setting for reading in result.readings}
+        foreseen = [
+            row.expanded_uncertainty
+            for row in self.plan.foreseen
+            if row.name == result.name and row.setting in settings
+        ]
+        return replace(result, foreseen_uncertainty=min(foreseen, default=math.nan))
 
     def _merged(
         self, readings: Mapping[str, list[Reading]], joint: PartPosterior, rule: DecisionRule

@@ -151,6 +151,8 @@ class Result(ShownInNotebook):
         Its material condition, "M" or "L"; otherwise empty.
     datums : tuple of str
         Of a position, its datums in their order. The drawing names them, otherwise their entities do.
+    foreseen_uncertainty : float
+        U as the plan foresaw it, in the surest setting that has an image; nan if it did not.
     deviation : float
         Measured value minus nominal value.
     expanded_uncertainty : float
@@ -181,6 +183,7 @@ class Result(ShownInNotebook):
     bonus_mm: NumberOrNull = math.nan
     material: str = ""
     datums: tuple[str, ...] = ()
+    foreseen_uncertainty: Annotated[NumberOrNull, Key("U_foreseen")] = math.nan
     deviation: NumberOrNull = field(init=False)
     expanded_uncertainty: Annotated[NumberOrNull, Key("U")] = field(init=False)
 
@@ -628,14 +631,14 @@ COLUMNS = (
         "overexposed",
     ),
     *(f"u_{source.replace(' ', '_')}" for source in SOURCES),
-    *("reason", "advice", "interval_from", "interval_to", "bonus"),
+    *("reason", "advice", "interval_from", "interval_to", "bonus", "U_foreseen"),
 )
 """Columns of the table."""
 
 _WITH_UNIT = frozenset(
     (
         *("nominal", "lower", "upper", "value", "deviation", "u", "U"),
-        *("accepted_from", "accepted_to", "interval_from", "interval_to", "bonus"),
+        *("accepted_from", "accepted_to", "interval_from", "interval_to", "bonus", "U_foreseen"),
     )
 )
 # shares and pixels
@@ -971,6 +974,8 @@ def _rounded_row(row: Mapping[str, Any]) -> dict[str, Any]:
             continue
         if name in ("value", "deviation", "u", "U", "interval_from", "interval_to", "bonus"):
             rounded[name] = round(value, decimals + (name == "u"))
+        elif name == "U_foreseen":
+            rounded[name] = round(value, decimals_of(value))
         elif name == "nominal":
             # a double's last digits are no drawing's
             rounded[name] = round(value, max(decimals + 2, _NOMINAL_DECIMALS))
@@ -1024,6 +1029,6 @@ def _row(one: Result) -> dict[str, Any]:
         *(math.sqrt(budget[source]) if budget else None for source in SOURCES),
         *(one.reason, one.advice),
         *(one.interval or (None, None)),
-        _number(one.bonus_mm),
+        *map(_number, (one.bonus_mm, one.foreseen_uncertainty)),
     )
     return dict(zip(COLUMNS, values, strict=True))

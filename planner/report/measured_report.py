@@ -495,12 +495,14 @@ def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
     """Return the values, each with a picture of its tolerance or the reason why there is none."""
     unseen = results.unseen
     has_u = all(result.interval is None for result in ordered)
+    is_foreseen = any(math.isfinite(result.foreseen_uncertainty) for result in ordered)
     columns = (
         Column("target", kind="link"),
         Column("nominal, tolerance", right=True),
         Column("value", right=True),
         Column("deviation", right=True),
         Column("U (k = 2)" if has_u else "U (k = 2), or 95 % of a position", right=True),
+        *([Column("U foreseen by the plan", right=True)] if is_foreseen else []),
         Column("accepted deviation", right=True),
         *(
             [Column(f"U with breaks to {unseen.limit_mm:.2g} mm", right=True, kind="lines")]
@@ -522,9 +524,16 @@ def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
         link = (_anchor(result, results), result.name)
         value, uncertainty = value_texts(result)
         texts = (nominal_text(result), value, _deviation_text(result), uncertainty)
+        foreseen = [_foreseen_text(result)] * is_foreseen
         wider = [_wider_line(result, unseen)] if unseen else []
-        rows.append((link, *texts, _accepted_text(result), *wider, lines, [decision]))
+        rows.append((link, *texts, *foreseen, _accepted_text(result), *wider, lines, [decision]))
     return Table(columns, rows, style="stack")
+
+
+def _foreseen_text(result: Result) -> str:
+    """Return U as the plan foresaw it; nothing if it did not."""
+    amount = result.foreseen_uncertainty
+    return number_text(amount, amount) if math.isfinite(amount) else ""
 
 
 def _wider_line(result: Result, unseen: UnseenBreaks) -> list[CellLine]:

@@ -1,5 +1,8 @@
 """A plan foresees the uncertainty that `measure` states of a rendered part, under the same state of edges."""
 
+import csv
+import io
+import math
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -29,8 +32,10 @@ from planner.measuring.foreseen import (
     with_foreseen,
 )
 from planner.progress import TimeLeft
+from planner.report.measured_report import measured_html
 from planner.report.wording import unstated_edges_text
 from planner.request.registration import OWN_EDGES, PoseKnowledge, RegistrationRecord
+from planner.sensor_setting import Foreseen
 
 SURFACES_MM = 0.005
 CAMERA = Camera(25.0, (0.0069, 0.0069), (1280, 1024), 8.0, 300.0)
@@ -79,6 +84,25 @@ def test_the_foreseen_uncertainty_is_that_of_the_image(method, size, limits):
             unseen = results.unseen.uncertainties[name]
             assert 0.85 < rows[name].unseen_uncertainty / unseen < 1.15
             assert rows[name].limit_mm == pytest.approx(results.unseen.limit_mm, rel=0.02)
+
+
+def test_results_show_it_next_to_their_uncertainty():
+    plan = replace(plan_of("planned"), foreseen=())
+    assert all(math.isnan(result.foreseen_uncertainty) for result in measured(plan, 0.0, None))
+    wide = Foreseen("right", 0, 0.0314, 0.1, 0.1, False)
+    # not that of a setting without an image
+    rows = (wide, replace(wide, setting=1, expanded_uncertainty=0.001))
+    results = measured(replace(plan, foreseen=rows), 0.0, None)
+    assert results["right"].foreseen_uncertainty == 0.0314
+    shown = {
+        row["name"]: row["U_foreseen (mm)"] for row in csv.DictReader(io.StringIO(results.to_csv()))
+    }
+    assert shown == {"left": "", "right": "0.031", "apart": "", "width": ""}
+    stored = {row["name"]: row["U_foreseen"] for row in results.to_dict()["results"]}
+    assert stored == {"left": None, "right": 0.0314, "apart": None, "width": None}
+    assert "U foreseen by the plan" in measured_html(results)
+    (first, *_) = results
+    assert "U foreseen" not in measured_html(replace(results, results={"left": first}))
 
 
 def test_sharp_edges_leave_the_floor_of_the_detector():
