@@ -325,16 +325,18 @@ class LitEdges:
             samples = _thinned(every_sample, _MOST_SAMPLES)
             if len(samples.share) < _LEAST_SAMPLES:
                 return f"the image of {edge.name} is too short"
-            usable = samples.visible & self._lit([edge], samples, cam2world, camera, light)
+            lit = samples.visible & self._lit([edge], samples, cam2world, camera, light)
+            if _covers_too_little(edge, samples, lit):
+                share = f"only {100 * lit.mean():.0f} %" if lit.mean() >= 0.005 else "none"
+                return f"it shows {share} of {edge.name}, or too little of a twelfth of it"
             pixels = pixels_of(samples.points, cam2world, camera)
             distance, _ = cKDTree(np.nan_to_num(pixels, nan=_FAR_PX)).query(shown.pixels)
             near = shown.samples.chosen(distance < APART_PX)
             # lines that the light does not show do not matter
             lines = near.chosen(self._lit(edges, near, cam2world, camera, light))
             others = ShownEdges(edges, lines, pixels_of(lines.points, cam2world, camera))
-            usable &= others.apart([edge], samples.edge, pixels)
-            entity = EntityLight(edge.name, samples.share, usable, None)
-            if not entity.covers(usable[None], RESERVE, LEAST_OF_SECTOR)[0]:
+            usable = lit & others.apart([edge], samples.edge, pixels)
+            if _covers_too_little(edge, samples, usable):
                 share = f"only {100 * usable.mean():.0f} % of {edge.name}"
                 return f"{share} shows {APART_PX:.0f} px apart from other lines, or too little of a twelfth of it"
         return ""
@@ -394,6 +396,12 @@ class LitEdges:
         seen = sides.seen(lamps)
         shares = [seen.under(white).mean(axis=1) for white in whites.T]
         return np.stack(shares, axis=1) if shares else np.zeros(whites.shape)
+
+
+def _covers_too_little(edge: PartEdge, samples: Samples, usable: Bools) -> bool:
+    """Return whether usable samples (m,) are too few of an edge, or of a twelfth of it, to be found."""
+    entity = EntityLight(edge.name, samples.share, usable, None)
+    return not entity.covers(usable[None], RESERVE, LEAST_OF_SECTOR)[0]
 
 
 def _thinned(samples: Samples, most: int) -> Samples:
