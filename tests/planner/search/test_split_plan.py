@@ -204,7 +204,8 @@ def test_an_end_that_falls_short_is_searched_again(solid, wanted, plan, monkeypa
     """One end is measured from the worst pose that serves: only a better one makes the value as sure as it was."""
     settle = split_plan.settle
     value_of = split_plan._SplitSearch._value
-    sure = plan.split["length"].p_all - 0.002
+    # the worst pose gives 0.0064 less, and another good one may give a little less
+    sure = plan.split["length"].p_all - 0.004
     values = []
 
     def settled(run, inspected, counted, **options):
