@@ -262,13 +262,15 @@ def find_edges(
     state[outside] = State.OUTSIDE
     width = np.abs(high - low) / np.maximum(np.sqrt(2 * np.pi) * peak, 1e-12)
     blur = _blur_of(width)
-    found = np.flatnonzero(state == State.FOUND)
-    # how far an edge is searched must not decide whether what is beside it is seen
-    edges = centres[found] + offset[found, None] * across[found]
-    around, grey = profiles_of(image, edges, across[found], _SLOPES_PX - BESIDE_PX)
     step = high - low
-    middle = np.full(len(found), -around[0])
-    offset[found] -= shift_by_slopes(grey, middle, blur[found], step[found], noise, edges)
+    found = state == State.FOUND
+    # how far an edge is searched must not decide whether what is beside it is seen
+    around, grey = profiles_of(
+        image, centres + offset[:, None] * across, across, _SLOPES_PX - BESIDE_PX
+    )
+    middle = np.full(len(grey), -around[0])
+    steps = np.where(found, step, 0.0)
+    offset[found] -= shift_by_slopes(grey, middle, blur, steps, noise, centres)[found]
     return Scans(offset, state, step / white, blur)
 
 
@@ -293,11 +295,11 @@ def shift_by_slopes(
     blur_px : array (m,)
         Blur of the image there, standard deviation.
     step : array (m,)
-        Grey value after the edge less that before it.
+        Grey value after the edge less that before it; 0 where no edge was found.
     noise : float
         Standard deviation of the noise, in grey values.
     places : array (m, 2)
-        Steepest places in the image, px: those next to each other along an edge are looked at together.
+        Middles of the scans, px: those next to each other along an edge are looked at together.
 
     Returns
     -------
@@ -317,10 +319,11 @@ def shift_by_slopes(
     uneven = np.abs(nearer - farther)
     even = _share_below(uneven, np.maximum(np.abs(bend), _UNEVEN_NOISES * noise / width))
     variance = sigma**2 + SMOOTHING_PX**2
-    # weak steps tell least of how far light moves them
-    weight = _mean_along(step**2, places)
-    moment = _mean_along(np.where(even > 0, even * variance * bend * step, 0.0), places)
-    shift = np.where(weight > 0, moment / np.where(weight > 0, weight, 1.0), 0.0)
+    # weak steps tell least of how far light moves them, and those with another step beside them nothing
+    weight = _mean_along(even * step**2, places)
+    bends = np.where(even > 0, variance * bend, 0.0)
+    moment = _mean_along(even * bends * step, places)
+    shift = even * np.where(weight > 0, moment / np.where(weight > 0, weight, 1.0), 0.0)
     return _share_below(np.abs(shift), _MOST_BY_SLOPES_PX) * shift
 
 
