@@ -17,14 +17,14 @@ The way
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ground.blas import with_one_thread
 from planner.argument_kinds import ITEMS, check_kinds
-from planner.callbacks import Callbacks, Deadline
+from planner.callbacks import FORESEEN_SHARE, Callbacks, Deadline
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.exceptions import RequestError
@@ -34,7 +34,7 @@ from planner.light.area_light import AreaSpace
 from planner.light.corner_light import DEFAULT_STEP
 from planner.light.lighting import Lighting, RingSpace
 from planner.light.plan_light import chosen_lamps
-from planner.measuring.foreseen import with_foreseen
+from planner.measuring.foreseen import foreseen_in_time
 from planner.measuring.lit_edges import reads_of
 from planner.measuring.planned_edges import registered_problem
 from planner.options import InspectionOptions, RunOptions
@@ -129,18 +129,26 @@ def plan_inspection(
     )
     options = replace(options or InspectionOptions(), **keywords)
     # before the work: limits that cannot be kept, and a part that hides the lamps
-    Deadline(options.time_limit_s, options.gap)
+    deadline = Deadline(options.time_limit_s, options.gap)
     if not entities:
         raise RequestError.of_rule("entities", "must hold at least one entity", "none")
     if options.lighting is not None:
         options.lighting.check_part(solid)
     resolved = resolve_request(solid, entities, camera, pose_uncertainty, options)
-    return with_foreseen(plan_request(solid, resolved, options), solid)
+
+    def completed(plan: InspectionPlan) -> InspectionPlan:
+        return foreseen_in_time(plan, solid, deadline.time_left(FORESEEN_SHARE))[0]
+
+    return plan_request(solid, resolved, options, completed=completed)
 
 
 @with_one_thread
 def plan_request(
-    solid: Solid, resolved: ResolvedRequest, options: RunOptions, deadline: Deadline | None = None
+    solid: Solid,
+    resolved: ResolvedRequest,
+    options: RunOptions,
+    deadline: Deadline | None = None,
+    completed: Callable[[InspectionPlan], InspectionPlan] | None = None,
 ) -> InspectionPlan:
     """Plan what was asked.
 
@@ -155,6 +163,8 @@ def plan_request(
     deadline : Deadline, optional
         When the search ends. Default: by the time limit of the options, from now. With a deadline, a plan that it ends
         has no lamps: the caller knows what time is left for them, see `with_light`.
+    completed : callable, optional
+        Returns a plan with what it lacks when the search ends; ``on_incumbent`` gets it last.
 
     Returns
     -------
@@ -181,6 +191,7 @@ def plan_request(
         deadline=deadline,
     )
     incumbents = Incumbents(callbacks)
+    early = None
     if memo.plan is None:
         run = SearchRun(problem, request, memo, executor=options.executor, callbacks=callbacks)
         check_now = deadline.check_now if deadline.limited else None
@@ -192,16 +203,19 @@ def plan_request(
             else:
                 memo.finish(plan_of_given(run, request.lighting))
         except TimeIsUpError:
-            ended = settle_early(run, incumbents.latest(run), incumbents.proven)
-            incumbents.publish(ended)
-            if lamps_later:
-                return ended
-            return with_light(ended, solid, request.lighting, options.progress, options.executor)
+            early = settle_early(run, incumbents.latest(run), incumbents.proven)
         finally:
             memo.save()
-    assert memo.plan is not None
-    incumbents.publish(memo.plan)
-    return memo.plan
+    if early is not None and not lamps_later and request.lighting is not None:
+        # lamps take time, in which somebody may interrupt
+        incumbents.publish(early)
+        early = with_light(early, solid, request.lighting, options.progress, options.executor)
+    result = early or memo.plan
+    assert result is not None
+    if completed is not None:
+        result = completed(result)
+    incumbents.publish(result)
+    return result
 
 
 def _problem(
