@@ -301,7 +301,7 @@ def test_the_pose_of_all_zeros_has_the_zeros_among_its_branches(tmp_path, name):
 
 @pytest.mark.parametrize("name", ARMS)
 def test_wrist_axes_in_line_keep_a_branch(tmp_path, name):
-    q = drawn_near_arms(12)
+    q = drawn_near_arms(40)
     for fifth in (0.0, 1e-9, 1e-6, 1e-4):
         q[:, 4] = fifth
         for arm in (Made(ARMS[name]), Made(ARMS[name], 1.5708, 3.1416)):

@@ -204,8 +204,7 @@ def test_an_end_that_falls_short_is_searched_again(solid, wanted, plan, monkeypa
     """One end is measured from the worst pose that serves: only a better one makes the value as sure as it was."""
     settle = split_plan.settle
     value_of = split_plan._SplitSearch._value
-    # the worst pose gives 0.0064 less, and another good one may give a little less
-    sure = plan.split["length"].p_all - 0.004
+    sure = plan.split["length"].p_all - 0.002
     values = []
 
     def settled(run, inspected, counted, **options):
@@ -474,7 +473,7 @@ def test_a_split_value_says_why_its_image_cannot_be_used(solid, plan):
 
 
 def test_rendered_holes_lie_within_u_of_their_positions(solid, bolt_plan):
-    for seed in (0, 1):
+    for seed in (0, 1, 2):
         rehearsal = Rehearsal(bolt_plan, solid, seed=seed)
         images = {rendered.shot.name: rendered.grey for rendered in rehearsal.images()}
         bolt = measure(bolt_plan, solid, images)["bolt"]
