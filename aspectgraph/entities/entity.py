@@ -312,6 +312,7 @@ def find_curve(solid: Solid, target: str | Arc, name: str, min_dihedral_deg: flo
         raise EntityError(
             f"a rim or arc must be one of the solid's {n_rims} rims and {n_arcs} arcs, r0, r1, … and a0, a1, …. "
             f"Got {curve_id!r}{for_name(name, curve_id)}{'' if match is None else ', that of another solid'}."
+            f"{_of_choice(solid)}"
         )
     if match.dihedral_deg < min_dihedral_deg:
         raise EntityError(
@@ -495,6 +496,13 @@ def runs_of(curve: Arc, coverage: float = COVERAGE, at_most: int = MOST_PIECES) 
 
 def _rounded(share: Fraction, parts: int) -> Fraction:
     return Fraction(round(share * parts), parts)
+
+
+def _of_choice(solid: Solid) -> str:
+    """Return a sentence for an id that is not there: another choice of the file's solids has other ids."""
+    if solid.file_solids is None or not solid.file_solids.is_choice:
+        return ""
+    return " Ids are those of the chosen solids."
 
 
 def _check_edge(solid: Solid, edge: int) -> None:
@@ -798,6 +806,7 @@ def _resolve(
         if not 0 <= target < len(solid.edges):
             raise EntityError(
                 f"an edge id must be in 0..{len(solid.edges) - 1}. Got {target}{for_name(name, f'e{target}')}."
+                f"{_of_choice(solid)}"
             )
         return Entity(name, solid.edge_points(int(target)), (int(target),))
     try:

@@ -247,6 +247,11 @@ class FileSolids(NamedTuple):
     occluders: tuple[int, ...]
     entries: tuple[SolidEntry, ...] = ()
 
+    @property
+    def is_choice(self) -> bool:
+        """Whether some solids of the file are left out, or only stand in the way: others give the edges other ids."""
+        return bool(self.occluders) or len(self.measured) < len(self.entries)
+
 
 # characters of a wrong argument that an error repeats
 _LONGEST = 40

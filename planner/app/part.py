@@ -117,13 +117,11 @@ def info(options: Info) -> int:
         )
     if options.json:
         print_json(
-            part_record(
-                solid, edges, curves, filter(None, [unit_note(options.part, options.units)])
-            )
+            part_record(solid, edges, curves, reading_notes(options.part, options.units, solid))
         )
         return DONE
     print_part(solid, edges, curves)
-    print_unit(options.part, options.units)
+    print_reading(options.part, options.units, solid)
     if options.picture:
         print(visible(str(options.picture)))
     return DONE
@@ -151,10 +149,26 @@ def _write_picture(solid: Solid, path: str, edge_ids: list[int], curve_ids: list
         raise type(error).of_rule("picture", error.rule, error.got) from None
 
 
-def print_unit(part: str, units: str | None) -> None:
-    """Print which unit was assumed for a file that has none."""
-    if text := unit_note(part, units):
+def print_reading(part: str, units: str | None, solid: Solid) -> None:
+    """Print what reading the part assumed, and what its ids hold for."""
+    for text in reading_notes(part, units, solid):
         print_text(f"note: {text}")
+
+
+def reading_notes(part: str, units: str | None, solid: Solid) -> list[str]:
+    """Return what reading the part assumed, and what its ids hold for; nothing where that is plain."""
+    notes = [unit_note(part, units), ids_note(solid)]
+    return [text for text in notes if text]
+
+
+def ids_note(solid: Solid) -> str:
+    """Say for which choice of solids ids hold, if some of the file are left out or only in the way."""
+    if solid.file_solids is None or not solid.file_solids.is_choice:
+        return ""
+    return (
+        "ids of edges, rims and arcs hold for this choice of solids only: 'info' lists them with the same --solids "
+        "and --occluders"
+    )
 
 
 def unit_note(part: str, units: str | None) -> str:

@@ -61,7 +61,7 @@ from planner.app.job import (
     workspace_of,
 )
 from planner.app.options import Batch, Dimensions, Graph, Optics, Plan, Predict, Simulate
-from planner.app.part import check_nothing_read, print_unit, read_limits, read_part
+from planner.app.part import check_nothing_read, print_reading, read_limits, read_part
 from planner.app.process import DONE, INCOMPLETE
 from planner.callbacks import Deadline
 from planner.camera.pose import PoseUncertainty
@@ -476,7 +476,7 @@ def graph(options: Graph) -> int:
         print_json(graph_record(result, options.graphml))
         return DONE
     terminal_tables.print_graph(result)
-    print_unit(options.part, options.units)
+    print_reading(options.part, options.units, solid)
     print(visible(str(options.graphml)))
     return DONE
 
@@ -558,7 +558,7 @@ def _print_planned(
     terminal_tables.print_plan(result)
     if result.cell:
         print_arm(result)
-    print_unit(job.part, job.reading.get("units"))
+    print_reading(job.part, job.reading.get("units"), job.solid)
     _print_left_out(job.targets)
     if options.explain:
         terminal_tables.print_details(result)
@@ -733,7 +733,7 @@ def optics(options: Optics) -> int:
     )
     code = rank_optics(options, solid, targets.items, plan_options)
     if not options.json:
-        print_unit(options.part, options.units)
+        print_reading(options.part, options.units, solid)
         _print_left_out(targets)
         if text := localisation_text(options, targets.items):
             print_text(text)
@@ -781,7 +781,7 @@ def predict(options: Predict) -> int:
                 f"note: the light of that plan ({pose_file.light}) is not considered: targets that it does not "
                 "show count as inspected here. plan --poses with --light considers it"
             )
-        print_unit(options.part, options.units)
+        print_reading(options.part, options.units, solid)
         _print_left_out(targets)
         if text := localisation_text(options, targets.items):
             print_text(text)

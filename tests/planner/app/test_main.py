@@ -570,6 +570,8 @@ def test_solids_of_a_step_file_can_be_chosen(folder, capsys, monkeypatch):
     assert {edge["length"] for edge in record["edges"]} == {3.0}
     assert len(record["edges"]) == 12
     assert record["faces"] == 12
+    (note,) = [text for text in record["notes"] if text.startswith("ids of edges")]
+    assert note.endswith("'info' lists them with the same --solids and --occluders")
     (line,) = failure(capsys, ["info", "part.step", "--solids", "2", "--occluders", "all"])
     assert "must not overlap" in line
     (line,) = failure(capsys, ["info", "part.step", "--occluders", "all"])
@@ -578,7 +580,12 @@ def test_solids_of_a_step_file_can_be_chosen(folder, capsys, monkeypatch):
         in line
     )
     assert main(["info", "part.step", "--solids", "0,2"]) == DONE
-    assert "part: 2 shells, 12 faces" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "part: 2 shells, 12 faces" in out
+    assert f"note: {note}" in out
+    graph = ["graph", "part.step", "--graphml", "g.graphml"]
+    (line,) = failure(capsys, [*graph, "--solids", "2", "--entities", "30"])
+    assert line.endswith("an edge id must be in 0..11. Got 30. Ids are those of the chosen solids.")
     assert main(["graph", "part.step", "--solids", "2", "--all", "--graphml", "g.graphml"]) == DONE
     assert len(nx.read_graphml("g.graphml")) > 1
     capsys.readouterr()
