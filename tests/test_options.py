@@ -43,8 +43,10 @@ def test_every_option_of_a_plan_reaches_it(monkeypatch):
     """Each keyword becomes the field of its name."""
     seen = []
     monkeypatch.setattr("planner.inspection.resolve_request", lambda *given: seen.append(given))
-    monkeypatch.setattr("planner.inspection.plan_request", lambda *given: seen.append(given))
-    monkeypatch.setattr("planner.inspection.with_foreseen", lambda plan, _: plan)
+    monkeypatch.setattr(
+        "planner.inspection.plan_request", lambda *given, **named: seen.append(given)
+    )
+    monkeypatch.setattr("planner.inspection.foreseen_in_time", lambda plan, *_: (plan, []))
     # what is passed on is no part, no camera and no limit
     for name in ("check_kinds", "Deadline"):
         monkeypatch.setattr(f"planner.inspection.{name}", lambda *given, **named: None)

@@ -90,7 +90,7 @@ _LENGTHS = tuple(field.name for field in fields(InspectionOptions) if field.name
 _LIMITS = (
     *_LENGTHS,
     *("showing", "time_limit_s", "gap", "localisation", "surfaces_mm", "edge_break_mm"),
-    *("registration", "split"),
+    *("registration", "split", "lamps"),
 )
 # least and most of what is counted
 _COUNTS = {"seed": (0, MOST_SEED), "simulate": (1, 10**9), "graph_limit": (0, 10**9)}
@@ -126,7 +126,8 @@ class PartRequest:
     limits : mapping
         ``stand_off_mm``, ``min_length_px``, ``field_margin_px``, ``visibility_radius_mm``,
         ``focus_margin_mm``, ``showing``, ``localisation``, ``surfaces_mm``, ``edge_break_mm``, ``registration``,
-        ``split``, ``time_limit_s`` and ``gap`` as `plan_inspection` takes them. The time limit applies to each part.
+        ``split``, ``lamps``, ``time_limit_s`` and ``gap`` as `plan_inspection` takes them. The time limit applies to
+        each part.
     dimensions : ModelDimensions, optional
         Plan the dimensions that each part (AP242) states, instead of its edges. Take
         ``Effort.for_dimensions()`` with it. A part that states none is refused.
@@ -192,7 +193,7 @@ class PartRequest:
                 check_number(name, value, NOT_NEGATIVE)
         # what would be refused with every part is refused before the first one
         Deadline(self.options.time_limit_s, self.options.gap)
-        self.options.requirements(self.camera, self.pose_uncertainty)
+        request_of_any_part(self.camera, self.pose_uncertainty, self.options)
 
     @property
     def options(self) -> InspectionOptions:

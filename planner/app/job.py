@@ -510,7 +510,7 @@ def read_job(options: Plan) -> Job:
     )
     # a slip in a word is found before a large part is read
     cell = read_cell(options.cell)
-    lighting = _lighting(options, cell)
+    lighting = wanted_light(options, cell)
     if options.select is not None:
         with named_by("select", vars(options)):
             check_selection(options.select)
@@ -534,8 +534,14 @@ def read_job(options: Plan) -> Job:
     return Job(request, solid, targets, plan_options, options.part, reading_of(options))
 
 
-def _lighting(options: Plan, cell: Cell | None) -> Lighting | None:
-    """Return what is asked of lamps, or of the light of a cell; an error names the option."""
+def wanted_light(options: Plan | Batch, cell: Cell | None = None) -> Lighting | None:
+    """Return what is asked of lamps, or of the light of a cell; None if there is none.
+
+    Raises
+    ------
+    RequestError
+        Names the option that is wrong, or that needs --light.
+    """
     with named_by("light", vars(options)):
         lighting = read_lighting(options, light_of_cell(cell))
     for name in OF_LIGHT:

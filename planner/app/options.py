@@ -1013,6 +1013,7 @@ class Batch(
     Limits,
     Showing,
     ImageRegistration,
+    Light,
     Units,
     Messages,
 ):

@@ -58,6 +58,7 @@ from planner.app.job import (
     read_job,
     read_localisation,
     read_request,
+    wanted_light,
     workspace_of,
 )
 from planner.app.options import Batch, Dimensions, Graph, Optics, Plan, Predict, Simulate
@@ -655,7 +656,12 @@ def _request_of_parts(options: Batch) -> PartRequest:
             effort = Effort.for_dimensions()
     elif "--surfaces-mm" in options.typed:
         raise RequestError("--surfaces-mm must be given with --dimensions. Got none.")
-    limits = inspection_options(options, time_limit_s=options.time_limit, localisation=localisation)
+    limits = inspection_options(
+        options,
+        time_limit_s=options.time_limit,
+        localisation=localisation,
+        lamps=wanted_light(options),
+    )
     return PartRequest(
         read_camera(options.camera),
         uncertainty,

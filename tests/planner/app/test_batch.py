@@ -226,6 +226,17 @@ def test_an_interruption_keeps_what_is_done(parts, request_, tmp_path):
     ]
 
 
+def test_lamps_are_planned_for_every_part(parts, request_, tmp_path):
+    (parts / "torn.stl").unlink()
+    lit = replace(request_, limits={"lamps": "ring"})
+    results = plan_folder(parts, tmp_path / "out", lit)
+    for one in results:
+        light = read_plan(tmp_path / "out" / one.part / "plan.json").light
+        assert light is not None
+        assert light.kind == "ring"
+        assert (one.status == "planned") == light.complete
+
+
 def test_bad_input(parts, request_, tmp_path):
     with pytest.raises(RequestError, match=r"must hold part files \(\.step"):
         plan_folder(tmp_path / "none", tmp_path / "out", request_)
@@ -263,6 +274,7 @@ def test_bad_input(parts, request_, tmp_path):
         ({"limits": {"visibility_radius_mm": math.nan}}, "visibility_radius_mm must be finite"),
         ({"limits": {"focus_margin_mm": 1e6}}, "focus_margin_mm must be less than half the depth"),
         ({"limits": {"showing": Detectability(surround_px=2000)}}, "surround_px must be less than"),
+        ({"limits": {"lamps": "rign"}}, "lamps must be"),
     ],
 )
 def test_a_bad_option_is_refused_before_any_part(request_, fields_, rule):
@@ -364,6 +376,7 @@ def test_requests_that_differ_have_different_fingerprints(request_):
         "edge_break_mm": (0.1, 0.3),
         "registration": Registration.own_edges(),
         "split": "never",
+        "lamps": "ring",
     }
     fields_ = {
         "camera": Camera.named("basler-acA2440-20gm-12mm"),
