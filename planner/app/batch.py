@@ -80,7 +80,7 @@ from planner.sensor_setting import ReasonKind, kind_of
 from planner.verify.simulate_plan import simulate_in_time
 
 if TYPE_CHECKING:
-    from aspectgraph import Solid
+    from aspectgraph import Entity, Solid
     from planner.robotcell import Cell
 
 # What is asked for every part of a folder.
@@ -585,10 +585,8 @@ def _planned(
     if request.dimensions is not None:
         stated = stated_dimensions(path, solid)
         entities, left_out = request.dimensions.chosen(stated, path.name)
-    elif request.select is None:
-        entities = read_entities("all", solid)
     else:
-        entities = resolve_entities(solid, select_entities(solid, request.select))
+        entities = _selected(solid, request.select)
     options = request.options
     deadline = Deadline(options.time_limit_s, options.gap)
     # what cannot be measured is refused before the work
@@ -608,6 +606,16 @@ def _planned(
         not_planned=left_out,
     )
     return work.done()[0], left_out
+
+
+def _selected(solid: Solid, select: str | None) -> dict[str, Entity]:
+    """Return the entities for which a rule holds; all sharp straight edges without one."""
+    if select is not None:
+        return resolve_entities(solid, select_entities(solid, select))
+    if not solid.straight_edges():
+        rule = "must be given for a part without a sharp straight edge, such as 'kind = rim'"
+        raise RequestError.of_rule("select", rule, "none")
+    return read_entities("all", solid)
 
 
 def _described(

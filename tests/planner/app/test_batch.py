@@ -12,6 +12,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from aspectgraph import read_dimensions, read_solid
@@ -235,6 +236,26 @@ def test_lamps_are_planned_for_every_part(parts, request_, tmp_path):
         assert light is not None
         assert light.kind == "ring"
         assert (one.status == "planned") == light.complete
+
+
+def test_a_part_without_straight_edges_needs_a_rule(parts, request_, tmp_path):
+    n = 60
+    turns = 2 * np.pi * np.arange(n) / n
+    corners = [(30 * np.cos(a), 30 * np.sin(a), z) for z in (0, 20) for a in turns]
+    walls = [(k, (k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
+    faces = [tuple(range(n))[::-1], tuple(range(n, 2 * n)), *walls]
+    lines = ["OFF", f"{len(corners)} {len(faces)} 0"]
+    lines += [" ".join(map(str, corner)) for corner in corners]
+    lines += [" ".join(map(str, (len(face), *face))) for face in faces]
+    (parts / "a.off").write_text("\n".join(lines) + "\n")
+    rule = "select must be given for a part without a sharp straight edge, such as 'kind = rim'"
+    found = {}
+    for select in (None, "kind = rim and face = top"):
+        results = plan_folder(parts, tmp_path / f"{select}", replace(request_, select=select))
+        found[select] = next(one for one in results if one.part == "a.off")
+    assert found[None].status == "refused"
+    assert found[None].reason.startswith(rule)
+    assert found["kind = rim and face = top"].status == "planned"
 
 
 def test_bad_input(parts, request_, tmp_path):
