@@ -112,7 +112,7 @@ _WHY = {
     "field_of_view_px": "outside the image",
     "field_of_view_mm": "outside the image",
     "separation_px": "another line is too near",
-    "corner_deg": "no corner at an end",
+    "corner_deg": "the corner at an end is too flat",
     "workspace_mm": "outside the workspace",
     "clearance_mm": "too close to the part",
     "reach": "out of reach",
