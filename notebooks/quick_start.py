@@ -49,6 +49,9 @@ plan
 # %% [markdown]
 # One pose is enough, and that is proven. *Smallest P* is the stated probability of the least sure edge; *simulated* is
 # how often 10,000 displaced cameras measured it well enough.
+#
+# This plan asks nothing of light, so an edge that your lamps do not show is not measured. `lamps="ring"` plans for a
+# lamp on the camera, and `lamps=LampDome(...)` looks for places of lamps.
 
 # %%
 assert plan.complete

@@ -25,6 +25,7 @@ COLOURS = 64
 SECONDS = 3600
 # they repeat a picture as data for a script, and a script is not run where notebooks are only shown
 INTERACTIVE = ("application/vnd.plotly.v1+json", "application/javascript")
+LEFT_OUT = "An interactive 3-D view. Run this cell to see it."
 DIGEST = "outputs_of"
 # what Open3D prints at its import in a notebook
 NOISE = ("Jupyter environment detected", "[Open3D INFO]")
@@ -67,6 +68,8 @@ def make_small(book: Any) -> None:
                 data["image/png"] = small_png(data["image/png"])
             if "text/html" in data and "<script" in data["text/html"]:
                 del data["text/html"]
+            if "data" in output and not data:
+                data["text/plain"] = LEFT_OUT
             outputs.append(output)
         if cell.cell_type == "code":
             cell.outputs = outputs
