@@ -172,10 +172,10 @@ def test_moving_the_part_with_its_frame_changes_no_answer(name):
     y = pose((700.0, 0.0, 0.0))
     fixturings = {"up": Fixturing(y @ invert(motion), {"table": TABLE})}
     moved = made_cell(name, fixturings=fixturings).with_part(box_part(moved=motion))
-    same_answers(fixed.reach(poses, "up"), moved.reach(compose(motion, poses), "up"))
+    assert_same_answers(fixed.reach(poses, "up"), moved.reach(compose(motion, poses), "up"))
 
 
-def same_answers(first, second, signs=1.0):
+def assert_same_answers(first, second, signs=1.0):
     # the base is named after the link whose frame it is
     reasons = [one.why.replace("world", "base_link") for one in second]
     assert [one.why for one in first] == reasons
@@ -197,7 +197,7 @@ def test_moving_the_robot_and_all_else_changes_no_answer(tmp_path):
     cell = Cell(robot, CAM2FLANGE, camera_body=CAMERA_BODY, fixturings={"up": fixturing})
     poses = views(np.random.default_rng(8), 120, SIZE)
     part = box_part()
-    same_answers(
+    assert_same_answers(
         made_cell("made_wrist").with_part(part).reach(poses, "up"),
         cell.with_part(part).reach(poses, "up"),
     )
