@@ -908,6 +908,13 @@ def targets_of(targets: Mapping[str, Target], setting: Any) -> Mapping[str, Targ
     return {**here, **{name: end_of(here[name], k) for name, k in ends.items()}}
 
 
+def read_part_of(name: str, setting: Any) -> tuple[str, int | None, int | None]:
+    """Return a key of what a setting measures of a target: its name, the witness, and the end, None for all of it."""
+    witness: Mapping[str, int] = getattr(setting, "witness", {})
+    ends: Mapping[str, int] = getattr(setting, "ends", {})
+    return name, witness.get(name), ends.get(name)
+
+
 END_SHARE = math.sqrt(0.5)
 """Share of the permitted error that each end of a target may have: half of the variance."""
 
