@@ -63,6 +63,10 @@ WIDEST = 2.2
 """An edge that counts shows its size up to this factor."""
 ALIKE = 1.5
 """Edges agree if their sizes are within this factor of the median."""
+FEWEST_UNLIKE = 5
+"""Edges that must look broken if their sizes disagree, as those of one radius do in light from one side."""
+UNLIKE = 2.5
+"""The sizes of such edges differ by no more than this factor."""
 ROUND_TIMES = 3.0
 """A round band looks like a chamfer that is smaller by up to this factor: its light changes mostly at one of its lines.
 
@@ -458,13 +462,21 @@ def _agreed(
         largest.append(inside[-1])
     if not rows:
         return None
+
+    def against(size: float) -> int:
+        """Return how many edges show that they are less broken."""
+        return int(np.sum(np.array(largest) < size / ALIKE))
+
     shown = np.array([size for size, _ in rows])
     size = float(np.median(shown))
     alike = np.abs(np.log(shown / size)) <= np.log(ALIKE)
-    # others must not show that they are less broken
-    against = int(np.sum(np.array(largest) < size / ALIKE))
-    if alike.sum() < max(FEWEST_EDGES, against + 1, len(shown) / 2):
-        return None
+    if alike.sum() < max(FEWEST_EDGES, against(size) + 1, len(shown) / 2):
+        # one radius looks like chamfers of several sizes
+        least = float(shown.min())
+        is_radius = float(shown.max()) <= UNLIKE * least and against(least) < len(shown)
+        if len(shown) < FEWEST_UNLIKE or not is_radius:
+            return None
+        alike = np.ones(len(shown), dtype=np.bool_)
     low, high = np.quantile(shown[alike], _QUANTILES)
     limits = (float(f"{LEAST_TIMES * low:.2g}"), float(f"{ROUND_TIMES * high:.2g}"))
     edges = tuple(name for (_, name), same in zip(rows, alike, strict=True) if same)

@@ -14,7 +14,9 @@ from planner.measuring.seen_breaks import (
     LEAST_TIMES,
     ROUND_TIMES,
     SeenBreak,
+    _agreed,
     _between_flat,
+    _Sections,
     distance_of_steps,
     seen_notes,
 )
@@ -128,6 +130,42 @@ class Beside:
         light = np.ones((2, 6))
         light[1, 5] = px < 3
         return SimpleNamespace(normals=normals, light=lambda place: (light, light)), on_part
+
+
+SIZES = np.array([0.0, 0.04, 0.08, 0.12, 0.17, 0.25, 0.4, 0.5, 0.7, 1.0])
+
+
+def agreed(shown):
+    """What edges show of one section each: a size where it is clear, any size for None; 10 px a millimetre."""
+    n = len(shown)
+    likelihoods = np.zeros((n, len(SIZES)))
+    for row, size in zip(likelihoods, shown, strict=True):
+        if size is not None:
+            row[:] = -100.0
+            row[np.argmin(np.abs(SIZES - size))] = 0.0
+    each = np.arange(n)
+    sections = _Sections(
+        np.zeros((n, 3)), np.full(n, 10.0), each, np.zeros(n, int), np.full(n, 10.0), np.ones(n)
+    )
+    return _agreed(likelihoods, sections, SIZES, [f"e{k}" for k in each])
+
+
+@pytest.mark.parametrize(
+    ("shown", "limits"),
+    [
+        ([0.17] * 3, (0.14, 0.51)),
+        # one radius in light from one side, with its median between both
+        ([0.17] * 3 + [0.4] * 3, (0.14, 1.2)),
+        ([0.17] * 3 + [0.4] * 3 + [0.0] * 5, (0.14, 1.2)),
+        # too few, too different, or too many edges that are sharper
+        ([0.17] * 2 + [0.4] * 2, None),
+        ([0.17] * 3 + [0.5] * 3, None),
+        ([0.17] * 3 + [0.4] * 3 + [0.0] * 6, None),
+    ],
+)
+def test_edges_agree_on_one_size_or_on_one_radius(shown, limits):
+    seen = agreed([*shown, None, None])
+    assert (seen and seen.limits_mm) == limits
 
 
 def test_profiles_end_where_a_round_face_the_background_or_a_shadow_begins():
