@@ -262,7 +262,8 @@ def store_real_images(paths: Sequence[Path]) -> None:
         lines.append(
             {
                 **dict(zip(_CONDITION, condition, strict=True)),
-                "planned": len(rows),
+                "promised": sum(row["promised"] == "1" for row in rows),
+                "kept": sum(row["promised"] == "1" for row in made),
                 "made": len(made),
                 "bias": round(sum(errors) / count, 1),
                 "rms": round(math.sqrt(sum(error**2 for error in errors) / count), 1),
@@ -338,8 +339,11 @@ def _real_images() -> str:
             amounts = (f"{line[key]:.0f}" for key in ("bias", "rms", "u"))
             shares = f"{line['within']} of {line['made']}", f"{line['beyond']}, {line['silent']}"
             numbers = *amounts, *shares
-        made = f"{line['made']} of {line['planned']}"
-        rows.append((edges, grey, _STATES[line["state"]], made, *numbers))
+        kept = f"{line['kept']} of {line['promised']}"
+        more = line["made"] - line["kept"]
+        if more:
+            kept += f", and {more}"
+        rows.append((edges, grey, _STATES[line["state"]], kept, *numbers))
     return table((*heads, "within 2 u", "beyond 3 u, without a note"), rows)
 
 

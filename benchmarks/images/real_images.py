@@ -294,7 +294,7 @@ class Condition:
 
 @dataclass
 class Row:
-    """A planned reading; lengths in mm."""
+    """A reading, and whether the plan promises it with its light; lengths in mm."""
 
     seed: int
     edges: str
@@ -305,6 +305,7 @@ class Row:
     state: str
     image: str
     name: str
+    promised: int
     nominal: float
     truth: float
     value: float
@@ -351,6 +352,13 @@ class Bench:
         if light not in self._measurers:
             self._measurers[light] = Measurer(self._plan(light), self.solid)
         return self._measurers[light]
+
+    def promised(self, light: str) -> set[str]:
+        """Return the targets that a plan shows with its light; all of them without light."""
+        plan = self.measurer(light).plan
+        if plan.light is None:
+            return set(plan.inspected)
+        return {name for images in plan.light.images for image in images for name in image.contrast}
 
     def _plan(self, light: str):
         path = self._folder / f"plan_{light}.json"
@@ -437,6 +445,7 @@ class Bench:
         }
         results = measurer.measure(images, options_of(condition))
         truth = self.sizes(seed).values
+        promised = self.promised(condition.light)
         rows = []
         wider = {}
         if condition.state == UNSEEN and results.unseen is not None:
@@ -451,6 +460,7 @@ class Bench:
                     **{field.name: getattr(condition, field.name) for field in fields(condition)},
                     image=result.readings[0].image,
                     name=result.name,
+                    promised=int(result.name in promised),
                     nominal=result.nominal,
                     truth=truth[result.name],
                     value=result.value,

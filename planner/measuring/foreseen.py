@@ -62,6 +62,8 @@ _NOT_FORESEEN = (
 )
 # lines of the part that are nearer than this leave a sample out
 _APART_PX = 5.0
+# that have a distance from each other
+_FEWEST_POINTS = 2
 
 
 def foreseen_uncertainties(
@@ -81,8 +83,8 @@ def foreseen_uncertainties(
     Returns
     -------
     list of Foreseen
-        Of each dimension in each setting. Lengths of edges, and targets that two settings measure together, are left
-        out.
+        Of each dimension in each setting. Lengths of edges, targets that two settings measure together, and those of
+        which an image shows no point apart from other lines, are left out.
     """
     if not plan.settings or not plan.dimensions:
         return []
@@ -100,7 +102,9 @@ def foreseen_uncertainties(
             state = EdgeState.of(
                 plan.dimensions[name].edge_break_mm, edge_break_mm, plan.request.edge_break_mm
             )
-            rows.append(_foreseen(view, name, planned, state))
+            row = _foreseen(view, name, planned, state)
+            if row is not None:
+                rows.append(row)
     return rows
 
 
@@ -181,11 +185,13 @@ def _lamp(plan: InspectionPlan, number: int, solid: Solid) -> Lamp | None:
     return Lamp(place, 2.0, unit, WELL_EXPOSED, SHADOW_SHARE, 0.0, ground)
 
 
-def _foreseen(view: _View, name: str, planned: Measurement, state: EdgeState) -> Foreseen:
-    """Return what will be stated of a target."""
+def _foreseen(view: _View, name: str, planned: Measurement, state: EdgeState) -> Foreseen | None:
+    """Return what will be stated of a target; None if an entity has no usable points."""
     key = witness_key(view.measurer.plan.settings[view.number], name)
     target = view.measurer.by_witness[key]
     entities = _entities(view, key, target)
+    if not entities:
+        return None
     without = _by_points(planned, target.localisation, entities)
     pose = _by_pose(planned) * _pose_share(view.measurer.plan, target.localisation, state)
     without += pose
@@ -215,7 +221,7 @@ def _is_open(target: Target, expanded: float) -> bool:
 
 
 def _entities(view: _View, key: str, target: Target) -> list[_EntityView]:
-    """Return the entities of a target as an image shows them, nominal part and pose."""
+    """Return the entities of a target as an image shows them, nominal part and pose; none if one has no points."""
     model = view.measurer.model
     edges = list(model.measured[key])
     samples = model.edges.samples(view.pose, view.camera, edges, _MARGIN_PX)
@@ -231,6 +237,8 @@ def _entities(view: _View, key: str, target: Target) -> list[_EntityView]:
     for k, (edge, frame) in enumerate(zip(edges, target.measurand.frames, strict=True)):
         chosen = samples.of(k)
         chosen = chosen.chosen(chosen.usable)
+        if len(chosen.points) < _FEWEST_POINTS:
+            return []
         across = across_of(chosen.points, chosen.tangents, view.pose, view.camera)
         pixels = pixels_of(chosen.points, view.pose, view.camera)
         scale = entity_scale(edge.geometry, frame, chosen.points, across, view.pose, view.camera)

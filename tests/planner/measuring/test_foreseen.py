@@ -125,6 +125,12 @@ def test_what_is_foreseen_stands_among_the_notes_of_a_plan():
     assert f"it is open for {n_open} of {len(best)} dimensions" in text
 
 
+def test_a_target_without_usable_points_is_left_out(monkeypatch):
+    # a U of nan ended plans whose targets all have other lines next to them
+    monkeypatch.setattr("planner.measuring.foreseen._APART_PX", 1e4)
+    assert foreseen_uncertainties(plan_of("planned"), SOLID) == []
+
+
 def test_a_plan_without_time_for_it_says_so():
     plan = plan_of("planned")
     same, (sentence,) = foreseen_in_time(plan, SOLID, TimeLeft(0.0))
