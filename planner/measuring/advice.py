@@ -26,7 +26,10 @@ AT_END = (
     "are searched; state how far surfaces deviate if it does"
 )
 MOVED = "check that the part is of this revision; state how far surfaces deviate if they are farther off"
-ROUGH = "clean the edge, or light it more evenly: what is found lies on no line or circle"
+ROUGH = (
+    "clean the edge, or light it more evenly: what is found lies on no line or circle; "
+    "if the edge has a wide chamfer, model it as a face"
+)
 OUTSIDE = "check the pose: the edge leaves the image"
 ANOTHER = "nothing of the part is where it should be: is it an image of this part and setting?"
 HIDDEN = "measure it from another view: the part hides it here"

@@ -44,6 +44,8 @@ CURVED_SIGMAS = 2.5
 """And so many standard deviations more."""
 LEAST_CURVED = 0.3
 """Cameras with gamma are off by more than this: gamma 1.4 and more. What is less is from broken edges."""
+LARGEST_GAMMA = 3.5
+"""No usual camera has a larger one, so broken edges are likelier."""
 TOLD = 0.3
 """With a larger standard deviation of gamma, edges do not show it well enough for nothing to be said."""
 REFUSED_SD = 0.4
@@ -888,9 +890,12 @@ def _measured_curve(
     black = ""
     if curve.black > VIDEO_BLACK / 2:
         black = f", black about {255 * curve.black:.0f} of 255"
+    what_to_do = "state response or switch gamma off"
+    if gamma > LARGEST_GAMMA:
+        what_to_do = "no camera has it, so edges may be broken; state edges and response"
     note = (
         f"{but}grey values are not proportional to light (gamma about {gamma:.2g} ± {2 * curve.sd:.1g}{black}): "
-        "measured with this gamma; state response or switch gamma off"
+        f"measured with this gamma; {what_to_do}"
     )
     images = [
         {name: picture.under(response, EDGES) for name, picture in plain.items()}

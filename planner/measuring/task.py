@@ -643,7 +643,7 @@ def check_one_pose(
         chi2 = distance_of(moves[move], covariance[at, at] + repeatability.covariance)
         if not chi2 <= limit:
             raise NotRegisteredError(
-                f"{names[0]} and {name} are from different poses: the camera moved between them by "
+                f"{names[0]} and {name} do not fit one pose: the camera seems to have moved between them by "
                 f"{np.sqrt(chi2):.1f} standard deviations of its repeatability. Hold camera and part still, or state "
-                "a larger --repeatability; if edges are broken, state by how much (--edges)"
+                "a larger --repeatability; if nothing moved and edges are broken, state by how much (--edges)"
             )

@@ -159,7 +159,7 @@ def test_images_of_one_setting_must_have_one_pose(board, images, real):
     second = Picture.of("setting_01_2", with_board(plain, moved[0], rng), CAMERA)
     wide = UNCERTAINTY.covariance * 16
     with pytest.raises(
-        NotRegisteredError, match="setting_01_1 and setting_01_2 are from different poses"
+        NotRegisteredError, match="setting_01_1 and setting_01_2 do not fit one pose"
     ):
         locate(board, [first, second], POSES[0], wide)
     # the same camera with other noise

@@ -109,7 +109,7 @@ def test_images_of_one_setting_must_have_one_pose(model, real, images, move):
     mesh = fine_plate(left=0.05, width=0.1)
     moved = photograph(mesh, displaced(real[0], move), seed=2)[1]
     again = photograph(mesh, real[:1], seed=3)[1]
-    with pytest.raises(NotRegisteredError, match="setting_01_1 and other are from different poses"):
+    with pytest.raises(NotRegisteredError, match="setting_01_1 and other do not fit one pose"):
         register(model, [first, Picture.of("other", moved, CAMERA)], POSES[0], prior)
     register(model, [first, Picture.of("other", again, CAMERA)], POSES[0], prior)
 
@@ -143,7 +143,7 @@ def test_breaks_of_edges_look_like_moves():
     names = ("a", "b")
     covariance = np.eye(6) * 1e-12
     check_one_pose(names, np.array([0.3, 0, 0, 0, 0, 0]), covariance, still)
-    with pytest.raises(NotRegisteredError, match="a and b are from different poses"):
+    with pytest.raises(NotRegisteredError, match="a and b do not fit one pose"):
         check_one_pose(names, np.array([0.6, 0, 0, 0, 0, 0]), covariance, still)
     with pytest.raises(NotRegisteredError, match=r"5\.0 standard deviations of its repeatability"):
         check_one_pose(names, np.array([0.1, 0, 0, 0, 0, 0]), covariance)

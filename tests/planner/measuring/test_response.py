@@ -37,6 +37,7 @@ from planner.measuring.response import (
     Places,
     PowerEstimate,
     Profiles,
+    _measured_curve,
     estimated_power,
     fitted_steps,
     is_clear,
@@ -505,3 +506,16 @@ def test_what_the_response_dominates_is_not_measured():
 def test_limits_are_in_order():
     assert 0 < LEAST_SD < CURVED < LEAST_CURVED
     assert FILE != EDGES
+
+
+@pytest.mark.parametrize(
+    ("gamma", "what_to_do"),
+    [(2.2, "state response or switch gamma off"), (10.0, "so edges may be broken; state edges")],
+)
+def test_a_gamma_that_no_camera_has_points_to_broken_edges(gamma, what_to_do):
+    power = PowerEstimate(excess=-1.0, sd=0.05, edges=9)
+    curve = SimpleNamespace(
+        sd=0.2, is_bent=True, usual_gamma=gamma, black=0.0, response=None, others=lambda: []
+    )
+    profiles = SimpleNamespace(curve=lambda: curve, power=lambda _: power)
+    assert what_to_do in _measured_curve(profiles, {}, "", is_broken=False).note
