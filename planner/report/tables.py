@@ -601,11 +601,14 @@ def attention(rows: Sequence[Sequence[Row]], unsharp: Sequence[int] = ()) -> lis
 
 
 def _notices(kind: WarningKind, warned: Sequence[tuple[Row, str]]) -> list[Notice]:
-    """Return a notice per warning if they are few, otherwise a single one for all."""
+    """Return a notice per warning of targets if they are few, otherwise a single one for all."""
     if len(warned) <= FEW:
+        alike: dict[tuple[int, str], list[str]] = {}
+        for row, text in warned:
+            alike.setdefault((row.setting, text), []).append(row.name)
         return [
-            Notice(row.name, [(" (setting ", [row.setting]), (f"): {text}", ())])
-            for row, text in warned
+            Notice(", ".join(names), [(" (setting ", [setting]), (f"): {text}", ())])
+            for (setting, text), names in alike.items()
         ]
     settings: dict[str, list[int]] = {}
     for row, _ in warned:

@@ -533,7 +533,21 @@ def lamp_texts(plan: InspectionPlan, k: int) -> list[str]:
             for name, value in image.contrast.items()
         ]
         texts.append(f"{lamps_named(image, plan.light)}{at}: contrast of {', '.join(parts)}")
-    return texts + [f"not shown: {name}: {reason}" for name, reason in plan.light.unlit[k].items()]
+    return texts + not_shown_texts(plan.light.unlit[k])
+
+
+def not_shown_texts(reasons: Mapping[str, str]) -> list[str]:
+    """Say which targets of a setting no lamp shows, each reason once.
+
+    Parameters
+    ----------
+    reasons : mapping of str to str
+        By name of the target.
+    """
+    return [
+        f"not shown: {', '.join(names)}: {reason}"
+        for reason, names in names_by_reason(reasons).items()
+    ]
 
 
 def verdict(plan: InspectionPlan) -> str:

@@ -10,6 +10,7 @@ from plan_examples import CAMERA, plan, setting
 from ground.templates import render
 from planner.report import tables
 from planner.report.tables import FEW, binding_sentence, focus_note, nearest_limits
+from planner.report.wording import not_shown_texts
 from planner.rows import Row, Warned, WarningKind
 from planner.sensor_setting import Reason, ReasonKind
 
@@ -60,6 +61,16 @@ def test_few_warnings_are_told_one_by_one():
     assert re.findall("<li>(.*?)</li>", html_of_a_kind)[1].startswith("<b>b</b>")
     assert "a&amp;b (setting 1): tolerance of 1.1 px" in text(html)
     assert "c (setting 2): 0.04 better" in text(html)
+
+
+def test_targets_with_one_warning_stand_together():
+    dark = Warned(WarningKind.UNLIT, "no position found")
+    html = attention([[row(1, "a", dark), row(1, "b", dark)], [row(2, "a", dark)]])
+    assert html.count("<li>") == 2
+    assert "a, b (setting 1): no position found" in text(html)
+    assert "a (setting 2): no position found" in text(html)
+    texts = not_shown_texts({"a": "no position found", "c": "too dark", "b": "no position found"})
+    assert texts == ["not shown: a, b: no position found", "not shown: c: too dark"]
 
 
 def test_many_warnings_of_a_kind_are_one_line_with_every_name_once():
