@@ -81,9 +81,14 @@ class SceneFrame:
     box: _Array
 
     @property
+    def size(self) -> float:
+        """Diagonal of what is shown, mm."""
+        return float(np.linalg.norm(self.box[1] - self.box[0]))
+
+    @property
     def per_mm(self) -> float:
         """Units of the scene to the mm."""
-        return float(_DIAGONAL / np.linalg.norm(self.box[1] - self.box[0]))
+        return _DIAGONAL / self.size
 
     @property
     def layout(self) -> dict[str, Any]:
@@ -191,7 +196,9 @@ def packed(text: str) -> str:
     return base64.b64encode(zlib.compress(text.encode(), 9)).decode()
 
 
-def figure_html(figure: go.Figure, name: str, height: str, **config: object) -> Markup:
+def figure_html(
+    figure: go.Figure, name: str, height: str, size: float | None = None, **config: object
+) -> Markup:
     """Return a figure for a page that draws it with plotly.
 
     Parameters
@@ -200,18 +207,37 @@ def figure_html(figure: go.Figure, name: str, height: str, **config: object) -> 
         The figure.
     name, height : str
         Identifier and height of its element.
+    size : float, optional
+        Diagonal of what the figure shows: coordinates are rounded to what can be seen of it. Default: they are kept.
     **config : object
         Further configuration of plotly.
     """
     from markupsafe import Markup
 
     drawn = json.loads(figure.to_json())
+    if size is not None:
+        decimals = _decimals(size)
+        for trace, short in zip(figure.data, drawn["data"], strict=True):
+            short |= {axis: _short(trace[axis], decimals) for axis in "xyz" if axis in short}
     drawn["config"] = {"displaylogo": False, "responsive": True, **config}
     text = packed(json.dumps(drawn, separators=(",", ":")))
     return Markup(
         f'<div id="{name}" style="height:{height}; width:100%"></div>\n'
         f'<script type="text/plain" data-figure="{name}">{text}</script>'
     )
+
+
+def _decimals(size: float) -> int:
+    """Return how many decimals of coordinates can be seen in a figure whose diagonal has a size."""
+    return _DIGITS - math.floor(math.log10(size))
+
+
+def _short(coordinates: Sequence[float], decimals: int) -> list[float | None]:
+    """Return rounded coordinates as JSON has them: null lifts the pen."""
+    rounded = np.round(np.asarray(coordinates, dtype=np.float64), decimals) + 0.0
+    values = rounded.astype(object)
+    values[np.isnan(rounded)] = None
+    return list(values)
 
 
 # Lines of pictures: edges of the part, its circles, and the lines and circles that a plan
@@ -761,7 +787,7 @@ def _surface(graph: EntityAspectGraph, node: int, box: NDArray[np.float64]) -> d
     """Return the surface of a domain as plotly takes it, rounded to what can be seen."""
     facets = domain_facets(graph.cells(node), graph.solid, box)
     triangles = np.concatenate([np.zeros((0, 3, 3)), *(facet.triangles for facet in facets)])
-    decimals = _DIGITS - math.floor(math.log10(float(np.linalg.norm(box[1] - box[0]))))
+    decimals = _decimals(float(np.linalg.norm(box[1] - box[0])))
     corners, index = np.unique(
         triangles.reshape(-1, 3).round(decimals) + 0.0, axis=0, return_inverse=True
     )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
+from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,7 @@ from planner.report.figure import (
     polylines,
     scene_frame,
 )
-from planner.report.predicted_image import PictureMaker, png_data
+from planner.report.predicted_image import PictureMaker, path_data, png_data
 from planner.report.setting_report import (
     SettingSection,
     budgets_table,
@@ -190,6 +190,8 @@ _SIDES = tuple((x, y, z) for z in (0.75, -0.75) for x in (1.1, -1.1) for y in (-
 # from the part's middle to the eye, in diagonals of its box: little perspective
 _DISTANCE = 4.0
 _RESOLUTION = 2400
+# no screen shows less of a picture that wide
+_TOLERANCE_PX = 0.6
 _FOCAL_MM = 10.0
 # the part's diagonal takes this share of the virtual sensor
 _FILLED = 0.8
@@ -388,19 +390,14 @@ def _drawing(
     for name in names:
         target = targets[name]
         color = colors[name]
-        path = _path([seen(line) for line in target.lines])
+        path = path_data([seen(line) for line in target.lines], _TOLERANCE_PX)
         lines.append(_Stroke("entity", color, path, name in hidden))
         if target.span is None:
             spots.append(Spot(name, color, seen(target.samples)))
             continue
-        lines.append(_Stroke("leader", color, _path([seen(target.span)])))
+        lines.append(_Stroke("leader", color, path_data([seen(target.span)], 0.0)))
         spots.append(Spot(name, color, seen(_along(target.span))))
     return _Drawing(pose, corners.min(axis=0), corners.max(axis=0), lines, spots)
-
-
-def _path(lines: Sequence[_Array]) -> str:
-    """Return lines (n, 2) as the data of an SVG path."""
-    return "".join("M" + "L".join(f"{u:.1f} {v:.1f}" for u, v in line) for line in lines)
 
 
 class _Label(NamedTuple):
@@ -437,7 +434,7 @@ def _picture(maker: PictureMaker, drawing: _Drawing, number: int, is_named: bool
         "name": f"targets-{number + 1}",
         "window": window,
         "png": png_data(maker.shaded(drawing.pose, window=window)),
-        "edges": maker.edge_path(drawing.pose),
+        "edges": maker.edge_path(drawing.pose, _RESOLUTION),
         "lines": drawing.lines,
         "wide": _names(wide, spots, _SIZES_PT[number]),
         "narrow": _names(narrow, spots, _PHONE_PT),
@@ -735,6 +732,7 @@ def make_report(
         # something shows while the figure and the tables are made
         report(progress, 0, len(plan.settings), "predicted images")
     figure = plan_figure(plan, space.solid, space, until=until)
+    size = scene_frame(plan, space.solid).size
     rows = measured_rows(plan)
     nouns = _nouns(plan)
     unsharp = [k for k, setting in enumerate(plan.settings, 1) if may_be_unsharp(plan, setting)]
@@ -747,7 +745,7 @@ def make_report(
         "facts": facts(plan, date),
         "overview": overview(plan, space.solid),
         "coverage": coverage_html(plan) if dimensions else "",
-        "scene": figure_html(figure, "plan3d", "100%", scrollZoom=True),
+        "scene": figure_html(figure, "plan3d", "100%", size, scrollZoom=True),
         "not_inspected": not_inspected(plan.uninspectable, nouns[0]),
         "not_planned": not_planned(plan.not_planned),
         "notices": [*attention(rows, unsharp), *_run_notices(plan), *_edge_notices(plan)],
@@ -756,7 +754,8 @@ def make_report(
         "foreseen": foreseen_table(plan),
         "results": None if only_dimensions else results(plan, rows, nouns[0]),
         "sources": {source_text(source): color for source, color in COLOURS.items()},
-        "csv": base64.b64encode(plan.to_csv().encode()).decode(),
+        # shorter than base64
+        "csv": quote(plan.to_csv(), safe=",;:()/=+"),
         "views": figure_views(plan, space.solid),
         "picker": target_picker(plan),
         "arm": arm(plan),

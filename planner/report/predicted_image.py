@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 
 from aspectgraph.plot.traces import is_feature
@@ -45,6 +46,8 @@ _BENDS = 32
 _FAR_PX = 1e5
 # a chord this near to its circle is drawn straight
 _STRAIGHT_PX = 0.2
+# lines of a picture may lie off by this share of its width, which no screen shows
+_SIMPLER = 2.5e-4
 
 # beyond so many names in a picture they are smaller
 _MANY_NAMES = 8
@@ -97,7 +100,7 @@ def predicted_image(
     ends = {name: np.asarray(points, dtype=np.float64) for name, points in (entities or {}).items()}
     place = None if lamp is None else np.asarray(lamp, dtype=np.float64)
     picture = PictureMaker(solid, camera).image_svg(
-        np.asarray(cam2world, dtype=np.float64), ends, color, place, alone=True
+        np.asarray(cam2world, dtype=np.float64), ends, color, place
     )
     return str(picture)
 
@@ -112,11 +115,22 @@ class _Label(NamedTuple):
     anchor: str
 
 
-class _Mark(NamedTuple):
-    """A highlighted entity: the data of its SVG path, and its name unless that is left out."""
+class SharedLines(NamedTuple):
+    """Lines that several pictures of a setting show: the first one holds them, the others refer to them.
 
-    path: str
-    label: _Label | None
+    Attributes
+    ----------
+    name : str
+        Ending of their identifiers in the page.
+    edges : str
+        Visible edges, as the data of an SVG path.
+    targets : list of str
+        The same of each target.
+    """
+
+    name: str
+    edges: str
+    targets: list[str]
 
 
 class PictureMaker:
@@ -136,8 +150,6 @@ class PictureMaker:
         self._edge_faces = np.array([edge.faces for edge in solid.edges])
         self._feature = np.array([is_feature(solid, edge) for edge in solid.edges])
         self._circles = chord_circles(solid)
-        # of the last pose; a setting has up to four pictures
-        self._drawn: tuple[bytes, str] | None = None
 
     def image_svg(
         self,
@@ -148,26 +160,35 @@ class PictureMaker:
         *,
         window: Window | None = None,
         outlined: Window | None = None,
-        alone: bool = False,
+        shared: SharedLines | None = None,
     ) -> Markup:
         """Return the predicted image: shaded faces, visible edges, entities in a colour.
 
         These are ends (2, 3) or segments (s, 2, 3) by name. With a window only that part of the sensor; with one that
-        is outlined the whole, without names, as they are for the picture of that window. A picture that stands alone
-        brings its own styles.
+        is outlined the whole, without names, as they are for the picture of that window. Without shared lines, the
+        picture stands alone and brings its lines and styles.
         """
         part = window or (0, 0, *self.camera.resolution)
         return render(
             "planner",
             "report/templates/predicted.svg",
-            alone=alone,
+            shared=shared,
+            is_near=window is not None,
+            lines=self.shared_lines(cam2world, entities, part[2]) if shared is None else shared,
             window=part,
             png=png_data(self.shaded(cam2world, lamp, window=part)),
-            path=self.edge_path(cam2world),
-            marks=self._marks(cam2world, entities, part, named=not outlined),
+            labels=[] if outlined else self._labels(cam2world, entities, part),
             color=color,
             frame=outlined,
         )
+
+    def shared_lines(
+        self, cam2world: np.ndarray, entities: dict[str, Any], width: float, name: str = ""
+    ) -> SharedLines:
+        """Return the lines of pictures of which the narrowest part of the sensor is so wide, px."""
+        images = self._project_entities(cam2world, entities)
+        targets = [path_data(_joined(lines), _SIMPLER * width) for _, lines in images]
+        return SharedLines(name, self.edge_path(cam2world, width), targets)
 
     def window(self, cam2world: np.ndarray, entities: dict[str, Any]) -> Window:
         """Return the part of the sensor around entities, of the sensor's shape and with room for their names."""
@@ -183,43 +204,41 @@ class PictureMaker:
         return int(corner[0]), int(corner[1]), int(size[0]), int(size[1])
 
     def edge_map_svg(
-        self, cam2world: np.ndarray, entities: dict[str, Any], *, window: Window | None = None
+        self,
+        cam2world: np.ndarray,
+        entities: dict[str, Any],
+        shared: SharedLines,
+        *,
+        window: Window | None = None,
     ) -> Markup:
         """Return the edge map: visible edges as thin lines, the measured ones bold, with the ends of edges marked."""
-        measured = [
-            # of dimensions no ends are looked for
-            (_path(lines), uv.tolist() if uv.ndim == 2 else ())
-            for uv, lines in self._project_entities(cam2world, entities)
-        ]
+        images = self._project_entities(cam2world, entities)
         return render(
             "planner",
             "report/templates/edge_map.svg",
             window=window or (0, 0, *self.camera.resolution),
-            path=self.edge_path(cam2world),
-            measured=measured,
+            shared=shared,
+            # of dimensions no ends are looked for
+            ends=[end for uv, _ in images if uv.ndim == 2 for end in uv.tolist()],
         )
 
-    def _marks(
-        self, cam2world: np.ndarray, entities: dict[str, Any], window: Window, *, named: bool
-    ) -> list[_Mark]:
-        """Return the entities with their names, which lie inside the window and apart from each other."""
+    def _labels(
+        self, cam2world: np.ndarray, entities: dict[str, Any], window: Window
+    ) -> list[_Label]:
+        """Return the names of entities, which lie inside the window and apart from each other."""
         column, row, width, height = window
         size = width / (42 if len(entities) <= _MANY_NAMES else 54)
-        marks: list[_Mark] = []
+        labels: list[_Label] = []
         taken: list[tuple[float, ...]] = []
         images = self._project_entities(cam2world, entities)
-        for name, (uv, lines) in zip(entities, images, strict=True):
-            if not named:
-                marks.append(_Mark(_path(lines), None))
-                continue
+        for name, (uv, _) in zip(entities, images, strict=True):
             u, v = uv.reshape(-1, 2).mean(axis=0)
             length = 0.6 * size * len(name)
             is_left = u > column + 0.75 * width or column + width - u < length < u - column
             v = min(max(v - 0.4 * size, row + 1.2 * size), row + height - 0.6 * size)
             v = _free_line(taken, u - length if is_left else u, v, size, length)
-            label = _Label(name, u, v, size, "end" if is_left else "start")
-            marks.append(_Mark(_path(lines), label))
-        return marks
+            labels.append(_Label(name, u, v, size, "end" if is_left else "start"))
+        return labels
 
     def _project_entities(
         self, cam2world: np.ndarray, entities: dict[str, Any]
@@ -248,12 +267,9 @@ class PictureMaker:
         pixels = image_of(self.camera, points_cam / points_cam[..., 2:])
         return np.where(np.isnan(pixels), -_FAR_PX, pixels)
 
-    def edge_path(self, cam2world: np.ndarray) -> str:
-        """Return the visible edges as the data of an SVG path."""
-        pose = np.asarray(cam2world, dtype=np.float64).tobytes()
-        if self._drawn is None or self._drawn[0] != pose:
-            self._drawn = (pose, _path(self.edge_lines(cam2world)))
-        return self._drawn[1]
+    def edge_path(self, cam2world: np.ndarray, width: float) -> str:
+        """Return the visible edges as the data of an SVG path, for a picture of so many px from left to right."""
+        return path_data(_joined(self.edge_lines(cam2world)), _SIMPLER * width)
 
     def edge_lines(self, cam2world: np.ndarray) -> list[np.ndarray]:
         """Return the visible pieces of the part's edges, each (2, 2) in px.
@@ -414,17 +430,41 @@ def png_data(image: np.ndarray) -> str:
     return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
 
 
-def _path(lines: Iterable[np.ndarray]) -> str:
-    """Return lines (2, 2) as the data of an SVG path; one that begins where the last ended continues it."""
+def path_data(lines: Iterable[np.ndarray], tolerance: float) -> str:
+    """Return lines (n, 2) as the data of an SVG path, without points that it needs not within a tolerance.
+
+    Coordinates are tenths, or whole numbers if the tolerance is larger. All but the first of a line are steps from the
+    one before, which are short.
+    """
+    per_unit = 1 if tolerance >= 1.0 else 10
     parts = []
-    end = ""
-    for a, b in lines:
-        start = f"{a[0]:.1f} {a[1]:.1f}"
-        if start != end:
-            parts.append(f"M{start}")
-        end = f"{b[0]:.1f} {b[1]:.1f}"
-        parts.append(f"L{end}")
+    for line in lines:
+        kept = np.asarray(line)
+        if len(kept) > 2:
+            simple = shapely.simplify(shapely.LineString(kept), tolerance, preserve_topology=False)
+            kept = shapely.get_coordinates(simple)
+        places = np.rint(per_unit * kept).astype(np.int64)
+        steps = np.diff(places, axis=0)
+        moved = steps[steps.any(axis=1)] if steps.any() else steps[:1]
+        parts += ["M", _numbers_text(places[0], per_unit)]
+        parts += ["l", _numbers_text(moved.ravel(), per_unit)]
     return "".join(parts)
+
+
+def _numbers_text(numbers: np.ndarray, per_unit: int) -> str:
+    """Return whole multiples of a unit's part as decimals, with blanks only where no sign parts them."""
+    texts = [f"{number / per_unit:.10g}" for number in numbers.tolist()]
+    return " ".join(texts).replace(" -", "-")
+
+
+def _joined(lines: Iterable[np.ndarray]) -> list[np.ndarray]:
+    """Return segments (2, 2) as polylines (n, 2), joined where two of them meet in tenths."""
+    segments = np.round(np.reshape(list(lines), (-1, 2, 2)), 1)
+    proper = segments[(segments[:, 0] != segments[:, 1]).any(axis=1)]
+    if not len(proper):
+        return list(segments[:1])
+    merged = shapely.line_merge(shapely.multilinestrings(shapely.linestrings(proper)))
+    return [shapely.get_coordinates(part) for part in shapely.get_parts(merged)]
 
 
 def _free_line(taken: list[Any], u: float, v: float, size: float, length: float) -> float:

@@ -257,14 +257,19 @@ def _shots(plan: InspectionPlan, k: int, maker: PictureMaker) -> list[CaptionedP
         shaded += f", under {lamps_named(images[0], plan.light)}"
     window = maker.window(pose, entities)
     times = maker.camera.resolution[0] / window[2]
-    edge_map = CaptionedPicture(maker.edge_map_svg(pose, entities), _map_caption(plan))
-    if times < _WORTH_ENLARGING:
-        return [CaptionedPicture(maker.image_svg(pose, entities, color, lamp), shaded), edge_map]
+    is_enlarged = times >= _WORTH_ENLARGING
+    width = window[2] if is_enlarged else maker.camera.resolution[0]
+    shared = maker.shared_lines(pose, entities, width, str(k + 1))
+    edge_map = CaptionedPicture(maker.edge_map_svg(pose, entities, shared), _map_caption(plan))
+    if not is_enlarged:
+        image = maker.image_svg(pose, entities, color, lamp, shared=shared)
+        return [CaptionedPicture(image, shaded), edge_map]
     enlarged = f"the frame enlarged {times:.3g} times ({window[2]} x {window[3]} px)"
-    near = maker.image_svg(pose, entities, color, lamp, window=window)
-    near_map = maker.edge_map_svg(pose, entities, window=window)
+    whole = maker.image_svg(pose, entities, color, lamp, outlined=window, shared=shared)
+    near = maker.image_svg(pose, entities, color, lamp, window=window, shared=shared)
+    near_map = maker.edge_map_svg(pose, entities, shared, window=window)
     return [
-        CaptionedPicture(maker.image_svg(pose, entities, color, lamp, outlined=window), shaded),
+        CaptionedPicture(whole, shaded),
         CaptionedPicture(near, f"Predicted image: {enlarged}"),
         edge_map,
         CaptionedPicture(near_map, f"Edge map: {enlarged}"),

@@ -11,18 +11,21 @@ import zlib
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
 from browser import Browser, needs_browser
 from grid_box import EDGES, BoxSpace
 from PIL import Image
-from plan_examples import CAMERA, changed, plan, setting
+from plan_examples import CAMERA, changed, plan, planned_dimension, setting
 from plotly.offline import get_plotlyjs
+from rimmed_solids import PITCH, PlateBuilder
 from scipy.spatial.transform import Rotation
 
 import planner
-from aspectgraph import build_aspect_graph, compute_regions
+from aspectgraph import Solid, build_aspect_graph, compute_regions
+from errors.measurands import Circle, Localisation
 from planner import Lighting, LightPlan, LitImage, look_at
 from planner.files import timestamp
 from planner.identity import PartRecord
@@ -33,6 +36,7 @@ from planner.report.predicted_image import PictureMaker, png_data
 from planner.report.tables import stance
 from planner.report.terminal_tables import print_explanation
 from planner.report.wording import margin_texts, verdict
+from planner.request.reach import TargetSpace
 
 SIZE = (80.0, 50.0, 60.0)
 SPACE = BoxSpace(SIZE, [[-900.0] * 3, [900.0] * 3], EDGES)
@@ -137,13 +141,13 @@ def test_page_says_what_rendered_images_gave_for_the_class_of_its_edges(page):
 
 def test_the_rows_can_be_saved_from_the_page(page):
     (data,) = re.findall(
-        r'download="measurements.csv" href="data:text/csv;charset=utf-8;base64,([^"]*)"', page
+        r'download="measurements.csv" href="data:text/csv;charset=utf-8,([^"]*)"', page
     )
-    assert base64.b64decode(data).decode() == box_plan().simulated(500).to_csv()
+    assert unquote(data) == box_plan().simulated(500).to_csv()
 
 
 def test_poses_for_the_robot_are_those_of_the_plan(page):
-    table = page[page.index('<table class="stack poses">') :]
+    table = page[page.index('<table class="stack poses"') :]
     cells = re.findall(r'<td class="n"[^>]*>([^<]*)</td>', table[: table.index("</table>")])
     values = np.array(cells, dtype=float).reshape(2, 10)
     for row, one in zip(values, box_plan().settings, strict=True):
@@ -298,6 +302,70 @@ def test_plotly_is_inlined_once(page):
     assert unpacked(page, 'id="plotly"') == get_plotlyjs()
     # a report is to be sent by mail
     assert len(page) < 2_300_000
+
+
+def plate_report(n_columns):
+    """The report of a plate with two rows of holes: a setting measures eight rims, from above or from below."""
+    builder = PlateBuilder(n_columns, 2, 6)
+    for i in range(n_columns):
+        for j in range(2):
+            builder.add((PITCH * i + PITCH // 2, PITCH * j + PITCH // 2), 25, 0)
+    part = builder.part("plate")
+    solid = Solid(part.vertices, part.faces)
+    groups = {}
+    dimensions = {}
+    for rim in solid.rims():
+        x, _, z = rim.centre
+        groups.setdefault((z, x // (4 * PITCH)), []).append(rim)
+        circle = Circle(rim.centre, rim.axis, rim.radius_mm)
+        fields = {"localisation": Localisation.fit(), "tolerance": (-1.2, 1.2)}
+        dimensions[f"bore {rim.id}"] = planned_dimension(
+            "diameter", [rim.id], [circle], 0.3, **fields
+        )
+    settings = []
+    for (z, column), rims in groups.items():
+        x = 4 * PITCH * (column + 0.5)
+        height = 640.0 if z else -640.0
+        names = [f"bore {rim.id}" for rim in rims]
+        settings.append(setting((x + 50.0, 90.0, height), names, (x, PITCH, z)))
+    space = compute_regions(
+        solid, [rim.id for rim in solid.rims()], workspace=[[-900] * 3, [900] * 3]
+    )
+    planned = plan(
+        part=PartRecord.of(solid),
+        entities={},
+        dimensions=dimensions,
+        settings=tuple(settings),
+        uninspectable={},
+    )
+    targets = TargetSpace.of(space, planned.targets.values())
+    return report_html(planned, targets), len(dimensions)
+
+
+def test_a_report_grows_by_at_most_10_kb_a_target():
+    few, n = plate_report(4)
+    many, n_many = plate_report(8)
+    assert (n, n_many) == (16, 32)
+    assert many.count('class="shot map"') >= 4
+    assert len(many.encode()) - len(few.encode()) < 10_000 * (n_many - n)
+
+
+def test_a_narrow_page_has_a_rule_for_every_heading(page):
+    """The headings of a table stand once, as variables; a rule for each column repeats them."""
+    used = {int(k) for k in re.findall(r"--h(\d+):", page)}
+    assert used
+    assert used <= {int(k) for k in re.findall(r"content: var\(--h(\d+)\)", page)}
+    (labels,) = re.findall(r'<table class="stack poses" style="([^"]*)"', page)
+    assert "--h2:&quot;" in labels
+    assert "--h1:" not in labels
+
+
+def test_pictures_of_a_setting_share_their_lines(page):
+    held = re.findall(r'<path id="(edges-\d+)"', page)
+    assert held == ["edges-1", "edges-2"]
+    for name in held:
+        assert page.count(f'href="#{name}"') >= 2
+    assert set(re.findall(r'<use class="measured" href="#([^"]*)"', page)) == {"lines-1", "lines-2"}
 
 
 def lines_from(position, target=(40.0, 25.0, 30.0)):
