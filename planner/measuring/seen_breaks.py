@@ -472,8 +472,8 @@ def _agreed(
     alike = np.abs(np.log(shown / size)) <= np.log(ALIKE)
     if alike.sum() < max(FEWEST_EDGES, against(size) + 1, len(shown) / 2):
         # one radius looks like chamfers of several sizes
-        least = float(shown.min())
-        is_radius = float(shown.max()) <= UNLIKE * least and against(least) < len(shown)
+        smallest = float(shown.min())
+        is_radius = float(shown.max()) <= UNLIKE * smallest and against(smallest) < len(shown)
         if len(shown) < FEWEST_UNLIKE or not is_radius:
             return None
         alike = np.ones(len(shown), dtype=np.bool_)

@@ -439,15 +439,17 @@ def path_data(lines: Iterable[np.ndarray], tolerance: float) -> str:
     per_unit = 1 if tolerance >= 1.0 else 10
     parts = []
     for line in lines:
-        kept = np.asarray(line)
-        if len(kept) > 2:
-            simple = shapely.simplify(shapely.LineString(kept), tolerance, preserve_topology=False)
-            kept = shapely.get_coordinates(simple)
-        places = np.rint(per_unit * kept).astype(np.int64)
+        points = np.asarray(line)
+        if len(points) > 2:
+            simple = shapely.simplify(
+                shapely.LineString(points), tolerance, preserve_topology=False
+            )
+            points = shapely.get_coordinates(simple)
+        places = np.rint(per_unit * points).astype(np.int64)
         steps = np.diff(places, axis=0)
-        moved = steps[steps.any(axis=1)] if steps.any() else steps[:1]
+        moves = steps[steps.any(axis=1)] if steps.any() else steps[:1]
         parts += ["M", _numbers_text(places[0], per_unit)]
-        parts += ["l", _numbers_text(moved.ravel(), per_unit)]
+        parts += ["l", _numbers_text(moves.ravel(), per_unit)]
     return "".join(parts)
 
 
