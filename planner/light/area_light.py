@@ -149,9 +149,6 @@ class StandingLight(Protocol):
     def brightness(self, scene: RayScene, eye: Array, rays: Array) -> Array:
         """Return how bright a camera sees what rays meet, as `AreaLight` does."""
 
-    def misplaced(self, scene: RayScene, cam2world: Array, points: Array) -> str:
-        """Say why light and camera cannot show points (n, 3) at all where they are; "" if they can."""
-
 
 class AreaLight(Protocol):
     """What every light with an area is: a frozen record that files hold, which answers by rays."""
@@ -189,6 +186,9 @@ class AreaLight(Protocol):
 
     def held(self, cam2world: Array) -> StandingLight:
         """Return the light as it stands when a camera has a pose (4, 4): itself, unless the camera carries it."""
+
+    def misplaced(self, scene: RayScene, cam2world: Array, points: Array) -> str:
+        """Say why light and camera cannot show points (n, 3) at all where they are; "" if they can."""
 
     def in_front(self, cells: CellSet) -> CellSet:
         """Return cells without those from which the light shows nothing of any part."""
@@ -342,10 +342,9 @@ def _why_dark(
 ) -> str:
     """Say why a light does not show a target: where it is, or else all that may be."""
     cam2world = np.asarray(pose, dtype=np.float64)
-    light = area.held(cam2world)
     for part in parts:
         points = EdgePoints.of(solid, part.edge_ids).points
-        text = light.misplaced(sight.scene, cam2world, points)
+        text = area.misplaced(sight.scene, cam2world, points)
         if text:
             return f"{text}."
     return f"it {area.reason}."

@@ -206,6 +206,34 @@ class _Carried:
         """
         return HeldLight(self, np.asarray(cam2world, dtype=np.float64))
 
+    def misplaced(self, scene: RayScene, cam2world: Array, points: Array) -> str:
+        """Say why the light cannot show a target where its camera is.
+
+        Parameters
+        ----------
+        scene : RayScene
+            Of the part.
+        cam2world : array (4, 4)
+            Pose of the camera.
+        points : array (n, 3)
+            Points of the target, mm.
+
+        Returns
+        -------
+        str
+            The reason without a full stop. It is empty if the light is clear of the part, and at least
+            as many points lie in its opening, and beyond it, as must show.
+        """
+        if self.held(cam2world).touches(scene):
+            return f"the {spoken(self.kind)} would touch the part"
+        local = (points - cam2world[:3, 3]) @ cam2world[:3, :3]
+        through = float(self.looks_through(local).mean())
+        if through < COVERAGE:
+            kind = spoken(self.kind)
+            share = f"only {100 * through:.0f} % of it"
+            return f"{share} lies in the opening of the {kind}, on the side away from the camera"
+        return ""
+
     def brightest(self, distance_mm: float) -> float:
         """Return how bright a face on the axis is, tilted as is best.
 
@@ -398,34 +426,6 @@ class HeldLight:
     def touches(self, scene: RayScene) -> bool:
         """Return whether the light would touch the part."""
         return bool((scene.signed_distance(self.light.body(self.cam2world)) < _CLEAR_MM).any())
-
-    def misplaced(self, scene: RayScene, cam2world: Array, points: Array) -> str:
-        """Say why the light cannot show a target where its camera is.
-
-        Parameters
-        ----------
-        scene : RayScene
-            Of the part.
-        cam2world : array (4, 4)
-            Pose of the camera: the one that the light is held for.
-        points : array (n, 3)
-            Points of the target, mm.
-
-        Returns
-        -------
-        str
-            The reason without a full stop. It is empty if the light is clear of the part, and at least
-            as many points lie in its opening, and beyond it, as must show.
-        """
-        if self.touches(scene):
-            return f"the {spoken(self.light.kind)} would touch the part, or the part is inside it"
-        local = (points - cam2world[:3, 3]) @ cam2world[:3, :3]
-        through = float(self.light.looks_through(local).mean())
-        if through < COVERAGE:
-            kind = spoken(self.light.kind)
-            share = f"only {100 * through:.0f} % of it"
-            return f"{share} lies in the opening of the {kind}, on the side away from the camera"
-        return ""
 
     def shown(
         self, sight: Sight, edges: EdgePoints, eyes: Array, rays: int, bounces: int

@@ -175,7 +175,7 @@ def test_a_light_on_the_wrong_side_is_named_in_the_reason(light, reason):
     part = bore(10.0, 10.0)
     pose, sight = above(300.0, part, 4e-4)
     points = EdgePoints.of(part, rim_ids(part, 10.0)).points
-    said = light.held(pose).misplaced(sight.scene, pose, points)
+    said = light.misplaced(sight.scene, pose, points)
     assert said.startswith(reason) if reason else said == ""
 
 
