@@ -506,7 +506,8 @@ def dimensions(options: Dimensions) -> int:
         stated = read_requirements(options.part, solid, limits=read_limits(options))
     if not stated:
         raise ReadError(
-            f"the part must be a STEP file with semantic dimensions (AP242). Got {options.part}, which states none."
+            f"the part must be a STEP file with semantic dimensions (AP242). Got {options.part}, which states none. "
+            "Pick them in a page and save the file for plan: 'aspectgraph info PART --picture edges.html'."
         )
     if options.json:
         print_json([requirement.to_dict() for requirement in stated])

@@ -135,6 +135,11 @@ def places_seen(scene: RayScene, eyes: Array, ways: Array) -> tuple[Places, Bool
     return Places(points, normals, views), met
 
 
+def spoken(kind: str) -> str:
+    """Return what a sentence calls a kind of light: "coaxial light" for "coaxial"."""
+    return {"coaxial": "coaxial light"}.get(kind, kind.replace("-", " "))
+
+
 class StandingLight(Protocol):
     """A light with an area that stands: it answers by rays."""
 
@@ -181,6 +186,9 @@ class AreaLight(Protocol):
 
     def held(self, cam2world: Array) -> StandingLight:
         """Return the light as it stands when a camera has a pose (4, 4): itself, unless the camera carries it."""
+
+    def misplaced(self, scene: RayScene, cam2world: Array, points: Array) -> str:
+        """Say why light and camera cannot show points (n, 3) at all where they are; "" if they can."""
 
     def in_front(self, cells: CellSet) -> CellSet:
         """Return cells without those from which the light shows nothing of any part."""
@@ -285,6 +293,7 @@ def shown_of_plan(
     parts: dict[tuple[str, int | None, int | None], tuple[Entity, ...]] = {}
     pairs = []
     edge_ids: list[tuple[int, ...]] = []
+    parts_of_pairs = []
     values = []
     silhouettes = []
     for k, setting in enumerate(plan.settings):
@@ -302,6 +311,7 @@ def shown_of_plan(
             )
             silhouettes.append(any(_is_silhouette(solid, part, eye) for part in parts[key]))
             pairs.append((k, name))
+            parts_of_pairs.append(parts[key])
             edge_ids.append(parts[key][0].edge_ids if targets[name].in_image else ())
     shows = (np.reshape(values, (-1, 2)) >= limits).all(axis=1)
     shows &= _ends_show(area, plan, sight, pairs, edge_ids, limits)
@@ -317,13 +327,27 @@ def shown_of_plan(
                 {pairs[i][1]: float(values[i][0]) for i in lit},
                 tuple(pairs[i][1] for i in lit if silhouettes[i]),
                 {
-                    pairs[i][1]: reasons.get(pairs[i], f"it {area.reason}.")
+                    pairs[i][1]: reasons.get(pairs[i])
+                    or _why_dark(area, sight, solid, plan.settings[k].cam2world, parts_of_pairs[i])
                     for i in of_setting
                     if i not in lit
                 },
             )
         )
     return result
+
+
+def _why_dark(
+    area: AreaLight, sight: Sight, solid: Solid, pose: Array, parts: Sequence[Entity]
+) -> str:
+    """Say why a light does not show a target: where it is, or else all that may be."""
+    cam2world = np.asarray(pose, dtype=np.float64)
+    for part in parts:
+        points = EdgePoints.of(solid, part.edge_ids).points
+        text = area.misplaced(sight.scene, cam2world, points)
+        if text:
+            return f"{text}."
+    return f"it {area.reason}."
 
 
 def _unread(

@@ -235,6 +235,28 @@ class Backlight:
         """
         return cells.in_front_of(np.array(self.centre), self.normal)
 
+    def misplaced(self, scene: RayScene, cam2world: Array, points: Array) -> str:
+        """Say whether a camera is behind the rectangle.
+
+        Parameters
+        ----------
+        scene : RayScene
+            Of the part.
+        cam2world : array (4, 4)
+            Pose of the camera.
+        points : array (n, 3)
+            Points of the target, mm.
+
+        Returns
+        -------
+        str
+            The reason without a full stop, empty if the camera is in front of the rectangle.
+        """
+        heights, _ = self._local(cam2world[None, :3, 3])
+        if heights[0] > 0:
+            return ""
+        return f"the camera is behind the backlight, which shines away from it ({-heights[0]:.0f} mm behind)"
+
     def check_part(self, solid: Solid) -> None:
         """Refuse a rectangle that the part is in the way of, or that does not shine at it.
 

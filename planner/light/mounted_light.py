@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ground.convert import STATED, Meta, check_fields
 from planner.exceptions import RequestError
-from planner.light.area_light import EdgePoints, places_seen, ways_beside
+from planner.light.area_light import COVERAGE, EdgePoints, places_seen, spoken, ways_beside
 from planner.light.reflection import (
     BOUNCES,
     RAYS,
@@ -205,6 +205,34 @@ class _Carried:
             Which answers for this pose and those near it.
         """
         return HeldLight(self, np.asarray(cam2world, dtype=np.float64))
+
+    def misplaced(self, scene: RayScene, cam2world: Array, points: Array) -> str:
+        """Say why the light cannot show a target where its camera is.
+
+        Parameters
+        ----------
+        scene : RayScene
+            Of the part.
+        cam2world : array (4, 4)
+            Pose of the camera.
+        points : array (n, 3)
+            Points of the target, mm.
+
+        Returns
+        -------
+        str
+            The reason without a full stop. It is empty if the light is clear of the part, and at least
+            as many points lie in its opening, and beyond it, as must show.
+        """
+        if self.held(cam2world).touches(scene):
+            return f"the {spoken(self.kind)} would touch the part"
+        local = (points - cam2world[:3, 3]) @ cam2world[:3, :3]
+        through = float(self.looks_through(local).mean())
+        if through < COVERAGE:
+            kind = spoken(self.kind)
+            share = f"only {100 * through:.0f} % of it"
+            return f"{share} lies in the opening of the {kind}, on the side away from the camera"
+        return ""
 
     def brightest(self, distance_mm: float) -> float:
         """Return how bright a face on the axis is, tilted as is best.

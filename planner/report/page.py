@@ -64,6 +64,7 @@ from planner.report.wording import (
     bound_sentence,
     calibration_rows,
     dark_note,
+    dark_sentence,
     edges_text,
     evolved_sentence,
     features_sentence,
@@ -798,7 +799,7 @@ def _lead(plan: InspectionPlan) -> str:
     if not n:
         return f"{inspected} of {n_targets} inspected: the plan has no camera poses. {features}".rstrip()
     verb = "is" if inspected == 1 else "are"
-    dark = f"No lamp shows {', '.join(plan.unlit)}. " if plan.unlit else ""
+    dark = f"{dark_sentence(plan)} ".lstrip()
     return (
         f"{inspected} of {n_targets} {verb} measured from {count(n, _POSE)} ({_numbers(n)}). "
         f"{dark}{bound_sentence(plan, _nouns(plan), _POSE)}"

@@ -304,9 +304,12 @@ def _notes(plan: InspectionPlan) -> list[str]:
     texts = []
     images = None if plan.simulation is None else plan.simulation.shown
     for k in range(len(plan.settings)):
-        unlit = {} if plan.light is None else plan.light.unlit[k]
-        notes = [*unshown_texts(images, k), *not_shown_texts(unlit)]
-        texts += [f"setting {k + 1}: {text}" for text in notes]
+        unshown = not_shown_texts(plan, k)
+        texts += [f"setting {k + 1}: {text}" for text in [*unshown_texts(images, k), *unshown]]
+    if plan.unlit:
+        texts.append(
+            "'aspectgraph lights' with this plan and its part prints which light shows most"
+        )
     if text := given_text(plan):
         texts.append(text)
     if text := near_lines_text(plan):

@@ -16,6 +16,7 @@ from errors.checks import percent_text
 from errors.measurands.measurand import COVERAGE
 from planner.camera.response import Response
 from planner.detectability.image_check import MOST_PX
+from planner.light.area_light import spoken
 from planner.measuring.foreseen import surest
 from planner.progress import duration
 from planner.request.camera_limits import LEAST_SIGMAS, corner_margin_px
@@ -533,28 +534,21 @@ def lamp_texts(plan: InspectionPlan, k: int) -> list[str]:
             for name, value in image.contrast.items()
         ]
         texts.append(f"{lamps_named(image, plan.light)}{at}: contrast of {', '.join(parts)}")
-    return texts + not_shown_texts(plan.light.unlit[k])
+    return texts + not_shown_texts(plan, k)
 
 
-def not_shown_texts(reasons: Mapping[str, str]) -> list[str]:
-    """Say which targets of a setting no lamp shows, each reason once.
-
-    Parameters
-    ----------
-    reasons : mapping of str to str
-        By name of the target.
-    """
-    return [
-        f"not shown: {', '.join(names)}: {reason}"
-        for reason, names in names_by_reason(reasons).items()
-    ]
+def not_shown_texts(plan: InspectionPlan, k: int) -> list[str]:
+    """Say what light does not show in a setting: targets of one reason together."""
+    unlit = {} if plan.light is None else plan.light.unlit[k]
+    alike = names_by_reason(unlit)
+    return [f"not shown: {', '.join(names)}: {reason}" for reason, names in alike.items()]
 
 
 def verdict(plan: InspectionPlan) -> str:
     """Say in a few sentences how good a plan is."""
     n = len(plan.settings)
     items = words_of(plan.targets).items
-    sentences = [f"{_inspected_text(plan)}.", _dark_sentence(plan), features_sentence(plan)]
+    sentences = [f"{_inspected_text(plan)}.", dark_sentence(plan), features_sentence(plan)]
     sentences.append(split_sentence(plan))
     if n:
         sentences.append(bound_sentence(plan, items))
@@ -591,7 +585,7 @@ def brief_verdict(plan: InspectionPlan) -> str:
             head += f" for the {len(plan.inspected)} that poses inspect{dark_note(plan)}"
         elif not plan.complete:
             head += " for these" if len(plan.inspected) > 1 else " for this one"
-    sentences = [f"{head}.", _dark_sentence(plan), features_sentence(plan)]
+    sentences = [f"{head}.", dark_sentence(plan), features_sentence(plan)]
     sentences.append(split_sentence(plan))
     if n and plan.request.poses is not None:
         sentences.append(bound_sentence(plan, words_of(plan.targets).items))
@@ -614,8 +608,14 @@ def _inspected_text(plan: InspectionPlan) -> str:
     return f"{shown} of {count(len(plan.entities), *items)} inspected from {settings}"
 
 
-def _dark_sentence(plan: InspectionPlan) -> str:
-    return f"No lamp shows {', '.join(plan.unlit)}." if plan.unlit else ""
+def dark_sentence(plan: InspectionPlan) -> str:
+    """Say which targets the light of a plan does not show; nothing if it shows all."""
+    if not plan.unlit:
+        return ""
+    names = ", ".join(plan.unlit)
+    if plan.light is not None and plan.light.area is not None:
+        return f"The {spoken(plan.light.kind)} does not show {names}."
+    return f"No lamp shows {names}."
 
 
 def _all_confirmed(result: SimulationResult) -> bool:

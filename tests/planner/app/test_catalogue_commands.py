@@ -190,3 +190,5 @@ def test_what_has_no_dimensions_is_one_line(capsys, name, message):
     assert out == ""
     assert err.startswith(f"aspectgraph: {message}")
     assert len(err.splitlines()) == 1
+    # what to do instead stands where a STEP file states none
+    assert ("--picture edges.html" in err) == ("AP242" in message)

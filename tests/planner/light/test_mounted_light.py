@@ -157,6 +157,28 @@ def test_nothing_shows_beside_the_hole_or_with_the_light_in_the_part():
     assert entity_shown(DiffuseDome(200.0, 60.0, 310.0).held(pose), sight, ids, eye)[0] == 0
 
 
+@pytest.mark.parametrize(
+    ("light", "reason"),
+    [
+        (DiffuseDome(200.0, 60.0, 270.0), ""),
+        # the rim is at 10 mm / 300 mm from the axis; this hole shows 2 mm / 200 mm
+        (DiffuseDome(200.0, 4.0, 270.0), "only 0 % of it lies in the opening of the diffuse dome"),
+        (DiffuseDome(200.0, 60.0, 310.0), "the diffuse dome would touch the part"),
+        (RingLight(50.0, 90.0, 30.0), ""),
+        # the ring is on the far side of the part
+        (RingLight(50.0, 90.0, 400.0), "only 0 % of it lies in the opening of the ring light"),
+        (CoaxialLight(40.0, 250.0), ""),
+        (CoaxialLight(6.0, 250.0), "only 0 % of it lies in the opening of the coaxial light"),
+    ],
+)
+def test_a_light_on_the_wrong_side_is_named_in_the_reason(light, reason):
+    part = bore(10.0, 10.0)
+    pose, sight = above(300.0, part, 4e-4)
+    points = EdgePoints.of(part, rim_ids(part, 10.0)).points
+    said = light.misplaced(sight.scene, pose, points)
+    assert said.startswith(reason) if reason else said == ""
+
+
 ABOVE = plan(
     settings=(setting((10.0, 20.0, 590.0), ["rim"], (30.0, 20.0, 10.0)),),
     entities=RIM,

@@ -10,7 +10,6 @@ from plan_examples import CAMERA, plan, setting
 from ground.templates import render
 from planner.report import tables
 from planner.report.tables import FEW, binding_sentence, focus_note, nearest_limits
-from planner.report.wording import not_shown_texts
 from planner.rows import Row, Warned, WarningKind
 from planner.sensor_setting import Reason, ReasonKind
 
@@ -69,8 +68,6 @@ def test_targets_with_one_warning_stand_together():
     assert html.count("<li>") == 2
     assert "a, b (setting 1): no position found" in text(html)
     assert "a (setting 2): no position found" in text(html)
-    texts = not_shown_texts({"a": "no position found", "c": "too dark", "b": "no position found"})
-    assert texts == ["not shown: a, b: no position found", "not shown: c: too dark"]
 
 
 def test_many_warnings_of_a_kind_are_one_line_with_every_name_once():

@@ -12,7 +12,15 @@ import pytest
 from grid_box import EDGES, BoxSpace
 from plan_examples import ENTITIES, changed, plan, setting
 
-from planner import Camera, LightPlan, LitImage, SimulationResult, SuccessRate, read_plan
+from planner import (
+    Camera,
+    DiffuseDome,
+    LightPlan,
+    LitImage,
+    SimulationResult,
+    SuccessRate,
+    read_plan,
+)
 from planner.bound.lower_bound import _proof, _proof_of_clique
 from planner.report.page import NOT_INSPECTED, _figures, report_html, target_colors
 from planner.report.terminal_tables import print_graph, print_plan, print_simulation
@@ -20,9 +28,11 @@ from planner.report.wording import (
     bound_sentence,
     brief_verdict,
     calibration_rows,
+    dark_sentence,
     graph_sentence,
     incumbent_line,
     light_sentence,
+    not_shown_texts,
     simulation_sentence,
     unstated_edges_text,
     verdict,
@@ -358,6 +368,11 @@ def test_what_no_lamp_shows_is_not_counted_as_inspected():
         assert re.search(
             r"2 (that poses inspect|inspected entities), 1 of them without light", text
         )
+    # what has a reason in common stands in one line
+    assert not_shown_texts(made, 0) == ["not shown: top right, top front: in the shadow"]
+    assert not_shown_texts(made, 1) == []
+    domed = replace(light, kind="diffuse-dome", area=DiffuseDome(200.0, 60.0, 270.0))
+    assert dark_sentence(replace(made, light=domed)) == "The diffuse dome does not show top right."
     assert f"1 of {n} entities inspected" in repr(made)
     assert target_colors(made)["top right"] == NOT_INSPECTED != target_colors(made)["top front"]
     # the smallest probability of the page is that of what is shown
