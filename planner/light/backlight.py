@@ -252,10 +252,10 @@ class Backlight:
         str
             The reason without a full stop, empty if the camera is in front of the rectangle.
         """
-        heights, _ = self._local(cam2world[None, :3, 3])
-        if heights[0] > 0:
+        height = float(self.heights_of(cam2world[None, :3, 3])[0])
+        if height > 0:
             return ""
-        return f"the camera is behind the backlight, which shines away from it ({-heights[0]:.0f} mm behind)"
+        return f"the camera is behind the backlight, which shines away from it ({-height:.0f} mm behind)"
 
     def check_part(self, solid: Solid) -> None:
         """Refuse a rectangle that the part is in the way of, or that does not shine at it.
@@ -445,6 +445,10 @@ class Backlight:
         met[rows] = ~scene.blocked(eyes[rows], rays[rows] * reach[rows, None])
         return met
 
+    def heights_of(self, points: Array) -> Array:
+        """Return how far (n,) points (n, 3) are in front of the rectangle's plane, mm; negative behind it."""
+        return self._local(points)[0]
+
     def _local(self, points: Array, *, vectors: bool = False) -> tuple[Array, Array]:
         """Return heights (n,) over the plane and coordinates (n, 2) along width and height of points or vectors, mm."""
         axes = np.array([self.half_width, self.half_height]) / self.half_lengths[:, None]
@@ -579,6 +583,8 @@ def _shown_on_metal(
     step = np.abs(bright[:, 0] - bright[:, 1]).min(axis=0)
     contrast = step / np.maximum(bright.sum(axis=1).max(axis=0), 1e-9)
     shows = (np.abs(bright[0] - bright[1]) <= _EVEN).all(axis=0) & front.any(axis=2)
+    # from behind, the rectangle hides the part
+    shows &= light.heights_of(eyes)[:, None] > 0
     # of a crease, both faces are seen next to the edge
     crease = front.all(axis=2)
     shows &= ~crease | _borders_both(scene, eyes, edges, ways[0])

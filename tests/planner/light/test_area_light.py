@@ -372,7 +372,8 @@ def test_what_is_seen_only_from_behind_is_said_to_be_so():
         check_observable(AreaSpace(below, CAMERA, UNDER, (0.1, 0.1)), ["rim"])
 
 
-def test_a_plan_says_that_its_camera_is_behind_the_backlight():
+@pytest.mark.parametrize("material", [Material(), Material("metal", 0.3)])
+def test_a_plan_says_that_its_camera_is_behind_the_backlight(material):
     """The backlight shines upwards; the camera looks up from 200 mm below it."""
     rim = rim_at(0.0)
     made = plan_inspection(PLATE, {"rim": rim.id}, CAMERA, UNCERTAINTY, effort=QUICK)
@@ -380,7 +381,8 @@ def test_a_plan_says_that_its_camera_is_behind_the_backlight():
     below = np.eye(4)
     below[:3, 3] = [*CENTRE, -200.0]
     turned = replace(made, settings=(replace(setting, cam2world=below),))
-    light = plan_light(turned, PLATE, Backlight.horizontal((*CENTRE, 0.0), 300, 300))
+    backlight = replace(Backlight.horizontal((*CENTRE, 0.0), 300, 300), material=material)
+    light = plan_light(turned, PLATE, backlight)
     (reason,) = light.unlit[0].values()
     assert reason == (
         "the camera is behind the backlight, which shines away from it (200 mm behind)."
