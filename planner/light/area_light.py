@@ -35,7 +35,7 @@ from planner.light.corner_light import (
 from planner.light.reflection import Places
 from planner.request.reach import AROUND, Space, observable_where
 from planner.request.reads import Reads
-from planner.request.targets import read_part_of, targets_of
+from planner.request.targets import MeasuredPart, targets_of
 from planner.verify.simulate_setting import Planned
 
 if TYPE_CHECKING:
@@ -290,7 +290,7 @@ def shown_of_plan(
     """
     sight = Sight.of(solid, plan.camera, scene)
     radius = plan.requirements.get("visibility_radius_mm", 0.0)
-    parts: dict[tuple[str, int | None, int | None], tuple[Entity, ...]] = {}
+    parts: dict[MeasuredPart, tuple[Entity, ...]] = {}
     pairs = []
     edge_ids: list[tuple[int, ...]] = []
     parts_of_pairs = []
@@ -302,7 +302,7 @@ def shown_of_plan(
         targets = targets_of(plan.targets, setting)
         light = area.held(np.asarray(setting.cam2world, dtype=np.float64))
         for name in setting.entities:
-            key = read_part_of(name, setting)
+            key = MeasuredPart.of(name, setting)
             if key not in parts:
                 parts[key] = parts_of(targets[name], solid, name)
             shown = [entity_shown(light, sight, part.edge_ids, eyes) for part in parts[key]]

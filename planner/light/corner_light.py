@@ -18,7 +18,7 @@ from planner.detectability.conditions import Detectability
 from planner.detectability.corners import FITTED_PX
 from planner.detectability.image_check import ImageCheck
 from planner.exceptions import RequestError
-from planner.request.targets import read_part_of, targets_of
+from planner.request.targets import MeasuredPart, targets_of
 from planner.verify.simulate_setting import Planned
 
 if TYPE_CHECKING:
@@ -332,7 +332,7 @@ def demands_of(plan: Planned, solid: Solid, scene: RayScene, ground: str) -> Dem
     RequestError
         If the part lacks an edge, rim or arc of the plan.
     """
-    entities: dict[tuple[str, int | None, int | None], tuple[Entity, ...]] = {}
+    entities: dict[MeasuredPart, tuple[Entity, ...]] = {}
     radius = plan.requirements.get("visibility_radius_mm", 0.0)
     pixel = max(plan.camera.pixel_pitch_mm) / plan.camera.image_distance_mm
     demands = Demands()
@@ -340,7 +340,7 @@ def demands_of(plan: Planned, solid: Solid, scene: RayScene, ground: str) -> Dem
         eye = np.asarray(setting.cam2world, dtype=np.float64)[:3, 3]
         targets = targets_of(plan.targets, setting)
         for name in setting.entities:
-            key = read_part_of(name, setting)
+            key = MeasuredPart.of(name, setting)
             if key not in entities:
                 entities[key] = parts_of(targets[name], solid, name)
             parts = entities[key]

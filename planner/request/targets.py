@@ -908,11 +908,27 @@ def targets_of(targets: Mapping[str, Target], setting: Any) -> Mapping[str, Targ
     return {**here, **{name: end_of(here[name], k) for name, k in ends.items()}}
 
 
-def read_part_of(name: str, setting: Any) -> tuple[str, int | None, int | None]:
-    """Return a key of what a setting measures of a target: its name, the witness, and the end, None for all of it."""
-    witness: Mapping[str, int] = getattr(setting, "witness", {})
-    ends: Mapping[str, int] = getattr(setting, "ends", {})
-    return name, witness.get(name), ends.get(name)
+class MeasuredPart(NamedTuple):
+    """What a setting measures of a target: by which witness, and which end; None for all of it.
+
+    Attributes
+    ----------
+    name : str
+        The target.
+    witness, end : int or None
+        As in `SensorSetting`.
+    """
+
+    name: str
+    witness: int | None
+    end: int | None
+
+    @classmethod
+    def of(cls, name: str, setting: Any) -> MeasuredPart:
+        """Return what a setting measures of the target with a name."""
+        witness: Mapping[str, int] = getattr(setting, "witness", {})
+        ends: Mapping[str, int] = getattr(setting, "ends", {})
+        return cls(name, witness.get(name), ends.get(name))
 
 
 END_SHARE = math.sqrt(0.5)

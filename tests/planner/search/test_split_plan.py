@@ -29,10 +29,10 @@ from planner.request.resolve import resolve_wanted
 from planner.request.split import WHOLE, split_problem, target_and_end
 from planner.request.targets import (
     END_SHARE,
+    MeasuredPart,
     WitnessChoice,
     end_of,
     kept_witnesses,
-    read_part_of,
     targets_of,
 )
 from planner.search import split_plan
@@ -99,9 +99,9 @@ def test_a_length_larger_than_the_field_is_measured_by_two_settings(plan):
 
 def test_ends_are_told_apart_whatever_objects_they_are(plan):
     """Lights keep the edges of what a setting reads: keyed by name alone, an end would get those of the other."""
-    keys = {read_part_of("length", setting) for setting in plan.settings}
+    keys = {MeasuredPart.of("length", setting) for setting in plan.settings}
     assert keys == {("length", None, 0), ("length", None, 1)}
-    assert {read_part_of("bore", setting) for setting in plan.settings} == {("bore", None, None)}
+    assert {MeasuredPart.of("bore", setting) for setting in plan.settings} == {("bore", None, None)}
 
 
 def test_settings_that_lose_a_target_give_no_other_plan(solid, wanted, monkeypatch):
