@@ -37,7 +37,7 @@ from planner.report.figure import (
     polylines,
     scene_frame,
 )
-from planner.report.predicted_image import PictureMaker, path_data, png_data
+from planner.report.predicted_image import SIMPLER, PictureMaker, path_data, png_data
 from planner.report.setting_report import (
     SettingSection,
     budgets_table,
@@ -191,8 +191,6 @@ _SIDES = tuple((x, y, z) for z in (0.75, -0.75) for x in (1.1, -1.1) for y in (-
 # from the part's middle to the eye, in diagonals of its box: little perspective
 _DISTANCE = 4.0
 _RESOLUTION = 2400
-# no screen shows less of a picture that wide
-_TOLERANCE_PX = 0.6
 _FOCAL_MM = 10.0
 # the part's diagonal takes this share of the virtual sensor
 _FILLED = 0.8
@@ -391,7 +389,7 @@ def _drawing(
     for name in names:
         target = targets[name]
         color = colors[name]
-        path = path_data([seen(line) for line in target.lines], _TOLERANCE_PX)
+        path = path_data([seen(line) for line in target.lines], SIMPLER * _RESOLUTION)
         lines.append(_Stroke("entity", color, path, name in hidden))
         if target.span is None:
             spots.append(Spot(name, color, seen(target.samples)))

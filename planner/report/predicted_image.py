@@ -46,11 +46,12 @@ _BENDS = 32
 _FAR_PX = 1e5
 # a chord this near to its circle is drawn straight
 _STRAIGHT_PX = 0.2
-# lines of a picture may lie off by this share of its width, which no screen shows
-_SIMPLER = 2.5e-4
 
 # beyond so many names in a picture they are smaller
 _MANY_NAMES = 8
+
+SIMPLER = 2.5e-4
+"""Lines of a picture may lie off by this share of its width, which no screen shows."""
 
 Window = tuple[int, int, int, int]
 """Part of the sensor: its left and upper side, width and height, px."""
@@ -187,7 +188,7 @@ class PictureMaker:
     ) -> SharedLines:
         """Return the lines of pictures of which the narrowest part of the sensor is so wide, px."""
         images = self._project_entities(cam2world, entities)
-        targets = [path_data(_joined(lines), _SIMPLER * width) for _, lines in images]
+        targets = [path_data(_joined(lines), SIMPLER * width) for _, lines in images]
         return SharedLines(name, self.edge_path(cam2world, width), targets)
 
     def window(self, cam2world: np.ndarray, entities: dict[str, Any]) -> Window:
@@ -269,7 +270,7 @@ class PictureMaker:
 
     def edge_path(self, cam2world: np.ndarray, width: float) -> str:
         """Return the visible edges as the data of an SVG path, for a picture of so many px from left to right."""
-        return path_data(_joined(self.edge_lines(cam2world)), _SIMPLER * width)
+        return path_data(_joined(self.edge_lines(cam2world)), SIMPLER * width)
 
     def edge_lines(self, cam2world: np.ndarray) -> list[np.ndarray]:
         """Return the visible pieces of the part's edges, each (2, 2) in px.
