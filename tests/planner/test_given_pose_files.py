@@ -78,7 +78,7 @@ def list_of_views(storage):
 WAYS = [matrix_of_calibration, two_matrices, two_sequences, numbered, list_of_views]
 
 
-def same(poses, tolerance=1e-9):
+def assert_same_poses(poses, tolerance=1e-9):
     assert len(poses) == len(POSES)
     for pose, expected in zip(poses, POSES, strict=True):
         np.testing.assert_allclose(pose.cam2world, expected, atol=tolerance)
@@ -92,7 +92,7 @@ def test_views_of_opencv_are_read_as_its_file_storage_writes_them(tmp_path, writ
     write(storage)
     storage.release()
     found = read_poses(path, units="mm")
-    same(found.poses)
+    assert_same_poses(found.poses)
     if write is list_of_views:
         assert [pose.name for pose in found.poses] == ["left_1", "left_2", "left_3"]
     # the unit of the board is nowhere in the file
@@ -141,7 +141,7 @@ def test_messages_of_ros_are_read_in_metres(tmp_path, name):
     path = tmp_path / name
     path.write_text(ROS[name])
     found = read_poses(path)
-    same(found.poses)
+    assert_same_poses(found.poses)
     assert found.frame == ("" if name == "list.yaml" else "part")
     assert "optical frame (z forward)" in found.source
 
@@ -173,7 +173,7 @@ TABLES = {
 def test_tables_are_read_with_the_units_of_their_header(tmp_path, name):
     path = tmp_path / "poses.csv"
     path.write_text(TABLES[name])
-    same(read_poses(path).poses)
+    assert_same_poses(read_poses(path).poses)
 
 
 def test_a_header_may_be_a_comment_and_blanks_may_separate(tmp_path):
@@ -181,7 +181,7 @@ def test_a_header_may_be_a_comment_and_blanks_may_separate(tmp_path):
     path = tmp_path / "poses.txt"
     text = table(["# tx ty tz qx qy qz qw"], rows_of(1e-3)).replace(",", " ")
     path.write_text(text)
-    same(read_poses(path, units="m").poses)
+    assert_same_poses(read_poses(path, units="m").poses)
     with pytest.raises(PoseFileError, match=r"poses.txt:1: header must state the unit"):
         read_poses(path)
 
