@@ -1,13 +1,14 @@
 """Threads of BLAS, the library behind products and factors of matrices: one, where matrices are small.
 
 OpenBLAS wakes a thread for each core at matrices of about 100 rows. They wait for work in loops, so a call that takes
-0.2 ms alone takes 10 ms beside other work.
+0.2 ms alone takes 10 ms beside other work. Sums are rounded in another order with several threads, and a search that
+compares them may then find another plan. So nobody may choose the number, neither a user nor a library that changes
+the environment, as `distributed` does when it starts workers.
 """
 
 from __future__ import annotations
 
 import ctypes
-import os
 import threading
 from collections.abc import Callable
 from functools import cache, wraps
@@ -19,8 +20,6 @@ _NAMES = tuple(
     for prefix in ("scipy_", "")
     for suffix in ("64_", "")
 )
-# who has one of these set has decided
-_SETTINGS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "GOTO_NUM_THREADS")
 
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")
@@ -29,7 +28,7 @@ _Result = TypeVar("_Result")
 class OneThread:
     """Gives BLAS one thread in blocks, in the whole process; after the last block it has as many as before.
 
-    Nothing is done where another library is used, or where the environment says how many there are.
+    Nothing is done where another library is used.
     """
 
     def __init__(self) -> None:
@@ -41,7 +40,7 @@ class OneThread:
         """Begin a block."""
         with self._lock:
             self._depth += 1
-            if self._depth == 1 and not any(name in os.environ for name in _SETTINGS):
+            if self._depth == 1:
                 for setter, getter in _libraries():
                     self._before.append((setter, getter()))
                     setter(1)

@@ -15,6 +15,8 @@ from contextvars import ContextVar
 from functools import partial
 from typing import Any
 
+from ground.blas import with_one_thread
+
 # between two calls of what is asked whether to go on
 _POLL_S = 0.1
 
@@ -54,8 +56,10 @@ def check_on_the_way() -> None:
         check_now()()
 
 
-def _with_check(check: Check, task: Callable[..., Any], *values: Any) -> Any:
-    with checked_by(lambda: check):
+@with_one_thread
+def _in_worker(check: Check | None, task: Callable[..., Any], *values: Any) -> Any:
+    """Run a task with the check and the number of threads that it would have here."""
+    with checked_by(None if check is None else lambda: check):
         return task(*values)
 
 
@@ -90,8 +94,7 @@ def in_order(
             yield task(*values)
         return
     check_now = _check_now.get()
-    if check_now is not None:
-        task = partial(_with_check, check_now(), task)
+    task = partial(_in_worker, None if check_now is None else check_now(), task)
     futures = [executor.submit(task, *values) for values in arguments]
     try:
         for future in futures:

@@ -22,8 +22,7 @@ from planner.app.process import (
 def start() -> int:
     """Load the command line and run it; an interruption while it loads is one line, too.
 
-    Products of matrices get one thread, unless the environment says otherwise: the matrices are small, and processes
-    work side by side.
+    Products of matrices get one thread: the matrices are small, and processes work side by side.
 
     Returns
     -------
@@ -31,7 +30,7 @@ def start() -> int:
         The exit code.
     """
     # has to be said before numpy is loaded
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
     prepare_streams()
     try:
         from planner.app.main import main

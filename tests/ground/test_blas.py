@@ -1,16 +1,17 @@
 """BLAS gets one thread in a block, and what it had before after it."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import pytest
 
 from ground import blas
 from ground.blas import OneThread, with_one_thread
+from planner.executors import in_order
 
 
 @pytest.fixture
-def two_threads(monkeypatch):
-    """As on a machine of two cores whose environment says nothing."""
-    for name in blas._SETTINGS:
-        monkeypatch.delenv(name, raising=False)
+def two_threads():
+    """As on a machine of two cores."""
     libraries = blas._libraries()
     if not libraries:
         pytest.skip("numpy uses another library")
@@ -47,9 +48,16 @@ def test_an_error_ends_the_block(two_threads):
     assert set(numbers()) == {2}
 
 
-def test_the_environment_decides(two_threads, monkeypatch):
+def test_tasks_of_workers_run_with_one_thread(two_threads):
+    """A process that is started anew has a thread for each core, and its results must be those of this one."""
+    with ThreadPoolExecutor(1) as executor:
+        assert [set(found) for found in in_order(executor, numbers, [()])] == [{1}]
+
+
+def test_the_environment_decides_nothing(two_threads, monkeypatch):
+    """Rounding would follow it: a library that sets it when it starts workers made the next plan another one."""
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
-    assert set(with_one_thread(numbers)()) == {2}
+    assert set(with_one_thread(numbers)()) == {1}
 
 
 def test_the_library_behind_numpy_is_found():
