@@ -446,7 +446,18 @@ class Backlight:
         return met
 
     def heights_of(self, points: Array) -> Array:
-        """Return how far (n,) points (n, 3) are in front of the rectangle's plane, mm; negative behind it."""
+        """Return how far points are in front of the rectangle's plane.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+            Points, mm.
+
+        Returns
+        -------
+        (n,) array
+            Heights, mm; negative behind the plane.
+        """
         return self._local(points)[0]
 
     def _local(self, points: Array, *, vectors: bool = False) -> tuple[Array, Array]:
