@@ -617,19 +617,26 @@ class Served:
         beside = None if self.corners is None else self.corners.beside_edges
         return beside is not None and pair in beside.line
 
-    def read_text(self, pair: int) -> str:
-        """Say what else is asked so that a pair is read; empty if nothing is."""
+    def why_unread(self, pair: int) -> str:
+        """Say why a pair is read under no lamp at all; empty if it may be."""
+        return "" if self.readers is None else self.readers.why_not(pair)
+
+    def read_text(self) -> str:
+        """Say what else is asked so that a pair is read that lamps may show; empty if nothing is."""
         if self.readers is None:
             return ""
-        why = self.readers.why_not(pair)
-        return f"; {why}" if why else ", and enough of the part's edges"
+        return ", so that 'measure' finds enough of it and of the part's edges"
 
     def unread_text(self, pair: int) -> str:
         """Say what else may keep a pair from being read; empty if nothing does."""
         if self.readers is None:
             return ""
-        why = self.readers.why_not(pair)
-        return f"; {why}" if why else ", or too little of the part's edges"
+        why = self.why_unread(pair)
+        return (
+            f"; {why}"
+            if why
+            else ", or 'measure' would find too little of it or of the part's edges"
+        )
 
     def corners_under(self, places: Array, sets: NDArray[np.int_]) -> NDArray[np.bool_]:
         """Return which pairs (n, pairs) meet what `Corners` asks for, under sets (n, size) of lamps."""

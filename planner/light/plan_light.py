@@ -460,25 +460,17 @@ def _placed(
     """As few places as possible."""
     served = work.served
     served.add(space.places(_FIRST_PLACES))
-    dark = {}
+    # no lamp changes what the camera sees of these
+    dark = {i: f"{why}." for i in range(len(served.pairs)) if (why := served.why_unread(i))}
     for k in range(work.n_settings):
-        pairs = [i for i, pair in enumerate(served.pairs) if pair.setting == k]
-        if not (served.contrast[:, pairs] > 0).all(axis=1).any():
+        pairs = [i for i, pair in enumerate(served.pairs) if pair.setting == k and i not in dark]
+        if pairs and not (served.contrast[:, pairs] > 0).all(axis=1).any():
             served.search(space, pairs)
     for i in range(len(served.pairs)):
-        if not (served.contrast[:, i] > 0).any():
+        if i not in dark and not (served.contrast[:, i] > 0).any():
             none = time_left.seconds > 0 and served.search(space, [i])
             if not (served.contrast[:, i] > 0).any():
-                lights = (
-                    "lights all of it"
-                    if not served.pairs[i].silhouette
-                    else "lights its visible face"
-                )
-                proven = "no position in" if none else "no position found in"
-                beside = ", and another line at each end" if served.needs_corners(i) else ""
-                beside += ", and no shadow next to it" if served.clear_beside(i) else ""
-                beside += served.read_text(i)
-                dark[i] = f"{proven} {space} {lights} with enough contrast and step{beside}."
+                dark[i] = _why_no_place(served, i, space, is_proven=none)
     for k in {served.pairs[i].setting for i in dark}:
         others = [i for i, pair in enumerate(served.pairs) if pair.setting == k and i not in dark]
         if others and not (served.contrast[:, others] > 0).all(axis=1).any():
@@ -499,6 +491,16 @@ def _placed(
         "no lamp serves the set. A smaller number of the remaining sets does not cover all settings."
     )
     return work.result("placed", chosen, images, bound, proof, dark)
+
+
+def _why_no_place(served: Served, i: int, space: LampSpace, *, is_proven: bool) -> str:
+    """Say that no lamp of a space shows a pair, or that none was found."""
+    lights = "lights its visible face" if served.pairs[i].silhouette else "lights all of it"
+    start = "no position in" if is_proven else "no position found in"
+    beside = ", and another line at each end" if served.needs_corners(i) else ""
+    beside += ", and no shadow next to it" if served.clear_beside(i) else ""
+    beside += served.read_text()
+    return f"{start} {space} {lights} with enough contrast and step{beside}."
 
 
 def _all_on(work: _Work, given: LampSpace | NDArray[np.float64]) -> LightPlan:

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,9 @@ from planner.measuring.verdict import Sampled
 from planner.request.registration import OWN_EDGES, RegistrationRecord
 from planner.request.targets import Target
 
+if TYPE_CHECKING:
+    from planner.plan import InspectionPlan
+
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
@@ -62,6 +65,8 @@ LEAST_REGISTERED = 0.6
 From 0.6 on, `measure` is convinced by what it finds. Below, a lamp must also explain what it does not find: images of
 five parts were registered with 0.36 and more, and one of a bracket was not with 0.58. With 0.28, 10 of 12 were not.
 """
+
+_OR_A_TWELFTH = ", or too little of a twelfth of it"
 
 # places on either side, px: the first is where the step is, and all of them are lit or none
 _BESIDE_PX = (3.0, 1.5, 4.5, 6.0)
@@ -223,9 +228,9 @@ class TargetLight:
         for entity in self.entities:
             if entity.sides is None:
                 return f"the image of {entity.name} is too short"
-            if not entity.covers(entity.usable[None], 0.0, 0.0)[0]:
-                share = f"{100 * entity.usable.mean():.0f} % of {entity.name}"
-                return f"only {share} is visible and {APART_PX:.0f} px apart from other lines"
+            if not entity.covers(entity.usable[None], RESERVE, LEAST_OF_SECTOR)[0]:
+                share = f"only {100 * entity.usable.mean():.0f} % of {entity.name}"
+                return f"{share} is visible and {APART_PX:.0f} px apart from other lines{_OR_A_TWELFTH}"
         return ""
 
     def shown(self, lamps: Array) -> Bools:
@@ -328,7 +333,7 @@ class LitEdges:
             lit = samples.visible & self._lit([edge], samples, cam2world, camera, light)
             if _covers_too_little(edge, samples, lit):
                 share = f"only {100 * lit.mean():.0f} %" if lit.mean() >= 0.005 else "none"
-                return f"it shows {share} of {edge.name}, or too little of a twelfth of it"
+                return f"it shows {share} of {edge.name}{_OR_A_TWELFTH}"
             pixels = pixels_of(samples.points, cam2world, camera)
             distance, _ = cKDTree(np.nan_to_num(pixels, nan=_FAR_PX)).query(shown.pixels)
             near = shown.samples.chosen(distance < APART_PX)
@@ -338,7 +343,7 @@ class LitEdges:
             usable = lit & others.apart([edge], samples.edge, pixels)
             if _covers_too_little(edge, samples, usable):
                 share = f"only {100 * usable.mean():.0f} % of {edge.name}"
-                return f"{share} shows {APART_PX:.0f} px apart from other lines, or too little of a twelfth of it"
+                return f"{share} shows {APART_PX:.0f} px apart from other lines{_OR_A_TWELFTH}"
         return ""
 
     def _lit(
@@ -429,3 +434,17 @@ def reads_of(
     if all(target.in_image or target.measurand.in_image for target in targets):
         return None
     return LitEdges(solid, how is not None and how.method == OWN_EDGES)
+
+
+def reads_of_plan(plan: InspectionPlan, solid: Solid) -> LitEdges | None:
+    """Return what `measure` will find of what a plan inspects; None if it plans for no values.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    solid : Solid
+        Its part.
+    """
+    targets = (plan.targets[name] for name in plan.inspected)
+    return reads_of(solid, plan.request.registration, targets)

@@ -4,19 +4,26 @@ import json
 import math
 
 import pytest
+from measured_plate import TOP, UP, dimension, measured_plan, thick_plate, upper_rims
 
 from aspectgraph import read_solid
+from errors.measurands import Circle
 from planner import (
     Dimension,
     Effort,
+    LampDome,
+    Lighting,
     PoseUncertainty,
     Registration,
     RequestError,
+    compare_lights,
     optics_table,
+    plan_light,
     predict,
     propose_optics,
 )
 from planner.camera.camera import camera_parts
+from planner.inspection import with_light
 from planner.optics import DISTANCES_MM
 from planner.options import InspectionOptions
 
@@ -178,3 +185,18 @@ def test_a_bare_edge_is_rated_as_predict_rates_it():
         assert "corner_deg" in told["rim"].margins
         assert told["rim"].margins["corner_deg"] >= 0
         assert one.probability["rim"] == pytest.approx(told["rim"].probability, abs=1e-9)
+
+
+def test_lights_show_only_what_is_read_as_in_a_plan():
+    """The rim of a hole that nearly touches another one is bright enough, but two lines lie too near each other."""
+    solid = thick_plate({"left": ((28.0, 25.0), 8.0), "right": ((41.2, 25.0), 5.0)})
+    circle = Circle([28.0, 25.0, TOP], UP, 8.0)
+    bore = dimension("diameter", upper_rims(solid)[:1], (circle,), (-0.1, 0.1))
+    plan = measured_plan(solid, ("bore",), settings=1, dimensions={"bore": bore})
+    dome = LampDome((40.0, 25.0, 20.0), 300.0)
+    assert plan_light(plan, solid, dome).complete
+    planned = with_light(plan, solid, Lighting(dome))
+    assert list(planned.unlit) == ["bore"]
+    compared = {item.kind: item for item in compare_lights(plan, solid)}
+    assert list(compared["lamps"].dark) == ["bore"]
+    assert "5 px apart from other lines" in compared["lamps"].dark["bore"]
