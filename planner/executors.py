@@ -122,7 +122,9 @@ def _call(check: Callable[[], None] | None) -> None:
 
 
 def leave_signals_to_the_parent(parent: int) -> None:
-    """In a worker process, ignore an interruption from the keyboard, which every process gets; terminate at once.
+    """In a worker process, ignore what the parent answers: an interruption from the keyboard, and requests to terminate.
+
+    All processes of a group get them, as from `timeout`. The parent still needs its workers to keep what was found.
 
     Parameters
     ----------
@@ -134,6 +136,5 @@ def leave_signals_to_the_parent(parent: int) -> None:
 
     if multiprocessing.get_start_method() == "fork":
         die_with(parent)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for signal_number in TERMINATING:
-        signal.signal(signal_number, signal.SIG_DFL)
+    for signal_number in (signal.SIGINT, *TERMINATING):
+        signal.signal(signal_number, signal.SIG_IGN)

@@ -337,6 +337,35 @@ def test_no_worker_outlives_a_parent_that_is_killed():
     pytest.fail("workers are still running five seconds later")
 
 
+_TERMINATED_GROUP = """
+import os, signal, time
+from planner.app import plan_commands as commands
+from planner.app.main import termination_as_interruption
+with termination_as_interruption(), commands._executor(2) as executor:
+    workers = {executor.submit(os.getpid).result() for _ in range(8)}
+    try:
+        os.killpg(0, signal.SIGTERM)
+        time.sleep(60)
+    except KeyboardInterrupt:
+        print(executor.submit(os.getpid).result() in workers, flush=True)
+"""
+
+
+@pytest.mark.skipif(
+    os.name != "posix" or usable_cores() < 2, reason="groups of processes, and two workers"
+)
+def test_workers_go_on_when_the_whole_group_is_terminated():
+    """As `timeout` does: the parent ends the search, and needs them for the plan that is kept."""
+    done = subprocess.run(
+        [sys.executable, "-c", _TERMINATED_GROUP],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        start_new_session=True,
+    )
+    assert (done.returncode, done.stdout) == (0, "True\n"), done.stderr
+
+
 def test_there_are_no_more_workers_than_cores(monkeypatch):
     asked = []
 
