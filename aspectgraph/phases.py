@@ -35,6 +35,26 @@ def phases_reported_to(progress: Callable[[int, int, str], None] | None) -> Iter
         _LISTENER.reset(token)
 
 
+@contextmanager
+def phases_checked_by(check: Callable[[], None]) -> Iterator[None]:
+    """Call something at each report of a phase, besides the listener; for use in a ``with`` block.
+
+    Parameters
+    ----------
+    check : callable
+        May raise to cancel the work.
+    """
+    progress = _LISTENER.get()
+
+    def checked(done: int, total: int, label: str) -> None:
+        if progress is not None:
+            progress(done, total, label)
+        check()
+
+    with phases_reported_to(checked):
+        yield
+
+
 def report_phase(done: int, total: int, label: str) -> None:
     """Report how far a phase is.
 

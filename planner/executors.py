@@ -122,7 +122,7 @@ def _call(check: Callable[[], None] | None) -> None:
 
 
 def leave_signals_to_the_parent(parent: int) -> None:
-    """In a worker process, ignore what the parent answers: an interruption from the keyboard, and requests to terminate.
+    """In a worker process, ignore what the parent answers: interruptions from the keyboard, and requests to terminate.
 
     All processes of a group get them, as from `timeout`. The parent still needs its workers to keep what was found.
 

@@ -6,6 +6,7 @@ they are run, so that ``--help`` is immediate.
 
 from __future__ import annotations
 
+import gc
 import os
 
 from planner.app.process import (
@@ -47,3 +48,6 @@ def start() -> int:
             return INTERNAL
         write_error(f"aspectgraph: {line}")
         return BAD_INPUT
+    finally:
+        # when a process ends, Python looks for garbage in all that is loaded and compiled, which takes up to a second
+        gc.freeze()

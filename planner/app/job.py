@@ -34,7 +34,7 @@ from planner.app.options import (
     Predict,
     Workspace,
 )
-from planner.app.part import read_as, read_limits, read_part, reading_of
+from planner.app.part import read_as, read_in_time, read_limits, read_part, reading_of
 from planner.app.quantities import localisation_words
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import Detectability
@@ -338,7 +338,7 @@ def _wanted_dimensions(
     left_out: dict[str, str] = {}
     items: Mapping[str, Any]
     if all_of_model(options):
-        with reading_shown(quiet=options.quiet, lines=options.verbose):
+        with reading_shown(quiet=options.quiet, lines=options.verbose), read_in_time(options):
             stated = stated_dimensions(options.part, solid, read_limits(options))
         items, left_out = choice_of(options).chosen(stated, options.part)
     else:

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aspectgraph import (
     AspectGraphError,
     PartFileNotFoundError,
+    ReadError,
     ReadLimits,
     SolidChoice,
     list_solids,
     read_solid,
 )
+from aspectgraph.phases import phases_checked_by
 from aspectgraph.read.part_file import MESH_SUFFIXES
 from planner.app.checks import in_words_of_shell
 from planner.app.options import Info, PartReading
 from planner.app.process import DONE
+from planner.callbacks import KEPT_LIMIT_S
 from planner.exceptions import RequestError
 from planner.files import print_json
 from planner.progress import reading_shown, visible
@@ -58,13 +64,56 @@ def read_part(part: str, options: PartReading) -> Solid:
         return read_as(part, reading_of(options), options)
 
 
+@contextmanager
+def read_in_time(options: PartReading) -> Iterator[None]:
+    """Let reading in the block end with the time of a plan, which would have none left for a pose.
+
+    Parameters
+    ----------
+    options : PartReading
+        Of a command; shorter limits than `KEPT_LIMIT_S` do not count the reading.
+
+    Raises
+    ------
+    RequestError
+        The time is up.
+    """
+    end = _end_of_time(options)
+
+    def check() -> None:
+        if time.monotonic() > end:
+            raise _too_short(options)
+
+    try:
+        with phases_checked_by(check):
+            yield
+    except ReadError as error:
+        # the kernel was ended by the limit that `read_limits` gave it
+        if time.monotonic() > end and any("time_s" in text for text in error.mentions):
+            raise _too_short(options) from None
+        raise
+
+
+def _end_of_time(options: PartReading) -> float:
+    """Return when the time of a plan is up, as `time.monotonic` counts; infinity for other commands."""
+    limit = getattr(options, "time_limit", None)
+    if limit is None or limit < KEPT_LIMIT_S:
+        return math.inf
+    return options.begun + float(limit)
+
+
+def _too_short(options: PartReading) -> RequestError:
+    limit = f"{getattr(options, 'time_limit', math.inf):g}"
+    return RequestError.of_rule("time_limit_s", "must be long enough to read the part", limit)
+
+
 def read_as(part: str, reading: dict[str, Any], options: PartReading) -> Solid:
     """Read the part as a mapping says, such as that of a plan's file; an error names the file."""
     arguments = dict(reading)
     occluders = arguments.pop("occluders", None)
     if occluders:
         arguments["solids"] = SolidChoice(arguments.get("solids"), occluders)
-    with _naming_part(part, options):
+    with _naming_part(part, options), read_in_time(options):
         return read_solid(part, limits=read_limits(options), **arguments)
 
 
@@ -92,9 +141,12 @@ def _naming_part(part: str, options: PartReading) -> Iterator[None]:
 
 
 def read_limits(options: PartReading) -> ReadLimits:
-    """Return what reading the part may take."""
-    seconds = options.read_time_limit
-    return ReadLimits() if seconds is None else ReadLimits(time_s=seconds)
+    """Return what reading the part may take: no more than the time of a plan that is left."""
+    limits = ReadLimits()
+    if options.read_time_limit is not None:
+        limits = replace(limits, time_s=options.read_time_limit)
+    seconds = max(_end_of_time(options) - time.monotonic(), 1e-3)
+    return replace(limits, time_s=min(limits.time_s, seconds))
 
 
 def info(options: Info) -> int:

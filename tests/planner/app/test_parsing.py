@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,7 @@ from planner.app.checks import in_words_of_shell
 from planner.app.main import main
 from planner.app.options import COMMANDS, rules_of, texts_of
 from planner.app.parsing import UsageError, arguments_of, command_help, parse, takes_value
+from planner.app.part import read_part
 from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
 from planner.app.quantities import (
     DEG,
@@ -882,6 +884,21 @@ def test_the_time_limit_for_reading_is_an_option_and_its_end_one_line(capsys, co
     (line,) = capsys.readouterr().err.splitlines()
     assert f"{part}: a STEP file must be read within --read-time-limit 0.01 seconds" in line
     assert line.endswith("which takes longer; allow more with --read-time-limit.")
+
+
+@pytest.mark.parametrize("name", ["mfcad_6-11-11-19.step", "slotted_block.off"])
+def test_reading_ends_with_the_time_of_the_plan(name):
+    """A plan would have no time left. The kernel of STEP files is ended, and other readers at their next phase."""
+    part = str(Path(BLOCK).with_name(name))
+    options = parse(["plan", part, *PLAN[2:], "--time-limit", "10", "--quiet"])
+    options.begun = time.monotonic() - 9.9999
+    with pytest.raises(RequestError) as caught:
+        read_part(options.part, options)
+    assert caught.value.parameter == "time_limit_s"
+    assert str(caught.value).endswith("must be long enough to read the part. Got 10.")
+    # a shorter limit is for regions and search only
+    options.time_limit = 0.5
+    assert read_part(options.part, options).straight_edges()
 
 
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="no such device")
