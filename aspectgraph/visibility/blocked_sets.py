@@ -76,6 +76,8 @@ Sides: TypeAlias = Callable[[np.ndarray], np.ndarray]
 
 
 _Point = tuple[int, int]
+# vertices that are looked at before the next ones are converted
+_AT_ONCE = 64
 
 
 class Disc(NamedTuple):
@@ -239,13 +241,20 @@ class _Shape:
         pieces = self._scene.pieces
         shell_of = np.repeat(shells[pieces.face], np.diff(pieces.first))
         for shell in range(len(result)):
-            vertices = np.unique(pieces.vertices[shell_of == shell])
-            heights = self._heights[vertices]
-            beside = any(
-                self._is_outside((x, y)) for x, y in self._flat[vertices[heights == 0]].tolist()
-            )
+            is_of_shell = np.zeros(len(self._heights), bool)
+            is_of_shell[pieces.vertices[shell_of == shell]] = True
+            heights = self._heights[is_of_shell]
+            beside = self._is_any_outside(np.flatnonzero(is_of_shell)[heights == 0])
             result[shell] = beside or (heights < 0).any(), beside or (heights > 0).any()
         return result
+
+    def _is_any_outside(self, vertices: np.ndarray) -> bool:
+        """Whether one of these vertices in the plane is outside the disc; nearly always, one of the first is."""
+        return any(
+            self._is_outside((x, y))
+            for begin in range(0, len(vertices), _AT_ONCE)
+            for x, y in self._flat[vertices[begin : begin + _AT_ONCE]].tolist()
+        )
 
     def _is_outside(self, p: _Point) -> bool:
         return any(_turn(a, b, p) < 0 for a, b in self._sides)
