@@ -163,7 +163,7 @@ assert program.complete
 # %%
 lines = program_text(program, "urscript").splitlines()
 # the day and the digests change
-print(*(line for line in lines if "movej" in line or 'take_image("' in line), sep="\n")
+print(*(line for line in lines if "movej([" in line or 'take_image("' in line), sep="\n")
 
 # %% [markdown]
 # ## A positioner instead of a second fixturing

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from difflib import get_close_matches
 from numbers import Integral, Real
 from typing import Any, NamedTuple
 
@@ -22,9 +24,22 @@ _HINTS = {
     "PoseUncertainty": "PoseUncertainty.isotropic makes one",
     "Effort": "Effort.named makes one",
     "InspectionPlan": "read_plan reads one from a file",
+    "Registration": "Registration.own_edges and Registration.none make one",
+    "DecisionRule": "DecisionRule.iso14253 makes one",
+    "Localisation": "Localisation.gaussian makes one",
+    "MeasurementResults": "measure makes them",
+    "PartRequest": "it holds camera, pose_uncertainty and what to measure",
     ITEMS: "read_entities reads one from a text",
 }
 _LONGEST = 40
+# what the command line calls them, and what others do
+_OTHER_WORDS = {
+    "seed": "rng",
+    "light": "lamps",
+    "register": "registration",
+    "edges": "edge_break_mm",
+    "time_limit": "time_limit_s",
+}
 
 
 class NumberRule(NamedTuple):
@@ -104,6 +119,45 @@ def check_kinds(**given: tuple[object, str]) -> None:
             hint = f"the order of the arguments is {', '.join(given)}"
         rule = f"must be {_article(kind)} {kind}"
         raise RequestError.of_rule(parameter, rule, _kind_shown(value), hint=hint)
+
+
+def check_path(name: str, value: object) -> None:
+    """Raise `RequestError` unless a value is a path."""
+    if not isinstance(value, str | os.PathLike):
+        raise RequestError.of_rule(name, "must be a path", _kind_shown(value))
+
+
+def check_space(space: object) -> None:
+    """Raise `RequestError` unless a value holds the visible regions of a part."""
+    if not hasattr(space, "solid"):
+        rule = "must be VisibilityRegions or an EntityAspectGraph"
+        got = f"an object of type {type(space).__name__}"
+        raise RequestError.of_rule("space", rule, got, hint="compute_regions makes the former")
+
+
+def check_keywords(call: str, given: Iterable[str], known: Sequence[str]) -> None:
+    """Refuse a keyword that a call does not have, and name the one that may be meant.
+
+    Parameters
+    ----------
+    call : str
+        Name of the call.
+    given : iterable of str
+        The keywords.
+    known : sequence of str
+        Those that it has.
+
+    Raises
+    ------
+    TypeError
+        As Python does for calls that name their keywords.
+    """
+    for name in given:
+        if name in known:
+            continue
+        meant = _OTHER_WORDS.get(name) or next(iter(get_close_matches(name, known)), "")
+        hint = f"; did you mean {meant!r}?" if meant else ""
+        raise TypeError(f"{call}() has no argument {name!r}{hint}")
 
 
 def shown(value: object, text: Callable[[Any], str] = repr) -> str:

@@ -19,11 +19,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 from ground.blas import with_one_thread
-from planner.argument_kinds import ITEMS, check_kinds
+from planner.argument_kinds import ITEMS, check_keywords, check_kinds
 from planner.callbacks import FORESEEN_SHARE, Callbacks, Deadline
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
@@ -127,6 +127,7 @@ def plan_inspection(
         camera=(camera, "Camera"),
         pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
     )
+    check_keywords("plan_inspection", keywords, [item.name for item in fields(InspectionOptions)])
     options = replace(options or InspectionOptions(), **keywords)
     # before the work: limits that cannot be kept, and a part that hides the lamps
     deadline = Deadline(options.time_limit_s, options.gap)

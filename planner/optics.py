@@ -41,7 +41,7 @@ from planner.request.constraints import RESOLUTION, Constraints, Lens, Requireme
 from planner.request.dimension_files import surfaces_or_default
 from planner.request.edge_state import EdgeState
 from planner.request.models import Means
-from planner.request.problem import OF_SHOWING, Problem, why_missed
+from planner.request.problem import OF_SHOWING, Problem, unjudged, why_missed
 from planner.request.reach import Space, TargetSpace
 from planner.request.targets import Target, knowledge_of
 from planner.resolve_request import problem_on, resolve_request, resolve_targets
@@ -100,7 +100,8 @@ class PosePrediction:
     missed : dict of str to float
         Every constraint that fails and the amount, in the unit its name ends with. The amount is 1
         for a constraint without a unit, such as "visibility". The worst is first. Empty if all are
-        met.
+        met. From outside of the workspace, nobody knows what is visible, so these constraints are
+        left out.
     worst_share : float
         How far the worst constraint is missed, as a share of a natural size; 0 if all are met. It
         orders misses.
@@ -457,6 +458,7 @@ def _predictions(problem: Problem, cam2world: np.ndarray) -> dict[str, PosePredi
         for name, margin in here.constraints.margins(cam2world[None]).items()
     }
     if_found = here.objective.probability(cam2world[None])[0]
+    unknown = unjudged(margins)
     met = np.all([margin >= 0 for margin in margins.values()], axis=0) & seen
     scales = {name: here.constraints.scale(name) for name in margins}
     predictions = {}
@@ -470,7 +472,7 @@ def _predictions(problem: Problem, cam2world: np.ndarray) -> dict[str, PosePredi
         missed = {
             name: -own_margins[name]
             for name in sorted(relative, key=relative.__getitem__)
-            if own_margins[name] < 0
+            if own_margins[name] < 0 and name not in unknown
         }
         shares = [amount / scales[name] for name, amount in missed.items()]
         predictions[target.name] = PosePrediction(

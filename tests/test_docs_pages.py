@@ -151,6 +151,23 @@ def test_every_notebook_is_shown_with_a_small_picture_of_its_own():
         assert (ROOT / f"docs/figures/{name}.png").stat().st_size < 150_000
 
 
+def test_the_notebook_of_measuring_has_the_values_of_its_guide():
+    """The guide's table is compared with the program, so that stored outputs that are older are noticed."""
+    book = json.loads((ROOT / "notebooks/measuring.ipynb").read_text("utf-8"))
+    streams = [
+        "".join(output["text"])
+        for cell in book["cells"]
+        for output in cell.get("outputs", ())
+        if "text" in output
+    ]
+    text = next(stream for stream in streams if " true " in stream)
+    stored = re.findall(r"^(\w+) +([\d.]+) ± ([\d.]+) mm", text, flags=re.MULTILINE)
+    guide = (ROOT / "docs/guides/measuring.md").read_text("utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| [^|]* \| ([\d.]+) \| ([\d.]+) \|", guide, flags=re.MULTILINE)
+    assert len(stored) == 4
+    assert stored == rows[:4]
+
+
 def test_proposals_are_compared_with_the_numbers_that_were_stored():
     with (ROOT / "notebooks/pricers.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))

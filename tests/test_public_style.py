@@ -33,9 +33,14 @@ from planner import (
     Camera,
     Distortion,
     InspectionPlan,
+    MeasureOptions,
+    PartRequest,
     PlanFileError,
     PoseUncertainty,
+    Registration,
     RequestError,
+    measured_html,
+    plan_folder,
     plan_inspection,
     plan_light,
     plan_setting,
@@ -53,6 +58,8 @@ BLOCK = read_solid(PART)
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 SIGMA = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
 RIM = {"rim": [[60, 20, 10], [60, 40, 10]]}
+EDGES = Registration.own_edges()
+REQUEST = PartRequest(CAMERA, SIGMA, 0.95)
 
 
 @pytest.mark.parametrize("package", [aspectgraph, errors, ga, planner])
@@ -163,7 +170,31 @@ WRONG = [
     (lambda: read_plan(PLAN).plot("x"), "solid must be a Solid. Got 'x'", "read_solid"),
     (lambda: report_html(BLOCK, BLOCK), "plan must be an InspectionPlan", "read_plan reads one"),
     (lambda: report_html(read_plan(PLAN), BLOCK), "space must be VisibilityRegions", "regions"),
+    (lambda: plan_setting(BLOCK, ["rim"], CAMERA, SIGMA), "space must be Visibility", "regions"),
+    (lambda: measured_html(read_plan(PLAN)), "results must be a MeasurementResults", "measure"),
+    (lambda: MeasureOptions("edges"), "registration must be a Registration", "own_edges"),
+    (lambda: MeasureOptions(EDGES, rule="iso"), "rule must be a DecisionRule", "iso14253"),
+    (lambda: MeasureOptions(EDGES, "gaussian"), "localisation must be a Localisation", "gaussian"),
+    (lambda: Registration.given("poses.json"), "poses must be a mapping", "Got 'poses.json'"),
+    (lambda: read_plan(PLAN).simulated("many"), "n must be an integer", "Got 'many'"),
+    (lambda: plan_folder("parts", CAMERA, "out"), "request must be a PartRequest", "Got 'out'"),
+    (lambda: plan_folder("parts", BLOCK, REQUEST), "out must be a path", "Got a Solid"),
 ]
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [("seed", "rng"), ("light", "lamps"), ("surface_mm", "surfaces_mm"), ("gapp", "gap")],
+)
+def test_a_keyword_that_there_is_not_names_the_one_that_is_meant(word, meant):
+    text = rf"^plan_inspection\(\) has no argument '{word}'; did you mean '{meant}'\?$"
+    with pytest.raises(TypeError, match=text):
+        plan_inspection(BLOCK, RIM, CAMERA, SIGMA, **{word: 1})
+
+
+def test_a_keyword_like_no_other_is_refused_alone():
+    with pytest.raises(TypeError, match=r"^plan_inspection\(\) has no argument 'zzz'$"):
+        plan_inspection(BLOCK, RIM, CAMERA, SIGMA, zzz=1)
 
 
 @pytest.mark.parametrize(("call", "message", "hint"), WRONG)

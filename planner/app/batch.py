@@ -40,6 +40,7 @@ from planner.argument_kinds import (
     check_fraction,
     check_kinds,
     check_number,
+    check_path,
 )
 from planner.callbacks import (
     FORESEEN_SHARE,
@@ -72,7 +73,7 @@ from planner.plan import InspectionPlan
 from planner.plan_file import Amount, Count
 from planner.progress import Progress, report
 from planner.report.plan_folder import PLAN_FILES, Written, folder_lock, with_source, write_outputs
-from planner.report.wording import STOPPED_EARLY
+from planner.report.wording import stopped_note
 from planner.request.camera_limits import MOST_SEED
 from planner.request.constraints import limit_names
 from planner.resolve_request import ResolvedRequest, request_of_any_part, resolve_request
@@ -628,11 +629,10 @@ def _described(
         reasons.append("the simulation contradicts the plan")
     if plan.unlit:
         reasons.append(f"no lamp shows {', '.join(plan.unlit)}")
-    notes = [STOPPED_EARLY] if plan.unfinished else []
     return replace(
         blank,
         status=INCOMPLETE if reasons else PLANNED,
-        reason="; ".join([*reasons, *notes]),
+        reason="; ".join(filter(None, [*reasons, stopped_note(plan)])),
         entities=len(plan.entities),
         settings=len(plan.settings),
         lower_bound=int(plan.lower_bound),
@@ -863,7 +863,7 @@ def plan_folder(
     Raises
     ------
     RequestError
-        If the folder holds no part file, or a number breaks its rule.
+        If an argument has the wrong type, the folder holds no part file, or a number breaks its rule.
     OutputError
         If nothing can be written, another process writes there, or a table is there that no
         earlier call wrote.
@@ -886,7 +886,10 @@ def plan_folder(
     >>> result.part, result.status
     ('block.off', 'planned')
     """
+    check_kinds(request=(request, "PartRequest"))
     check_count("jobs", jobs, 1)
+    for name, path in (("folder", folder), ("out", out)):
+        check_path(name, path)
     source = absolute(folder)
     if not replace:
         check_set_place(Path(out), TABLES, is_table, "out")

@@ -133,7 +133,10 @@ def _record(kind: type[Command], words: Sequence[str]) -> Command | str:
         if any(token.value in options for token in argument.tokens):
             raise _usage_error(program, _without_value(argument))
     if unused:
-        raise _usage_error(program, f"unknown argument {unused[0]!r}")
+        hint = ""
+        if "--part" in _names(kind) and "--part" not in typed:
+            hint = f". Name the part by --part {unused[0]}"
+        raise _usage_error(program, f"unknown argument {unused[0]!r}{hint}")
     if arguments:
         _check_together(kind, arguments, typed)
     if failure is not None or bound is None:
@@ -261,6 +264,8 @@ def _unknown_option(program: str, word: str, names: Iterable[str]) -> str:
     """Return the line about an option that a command does not have."""
     name = word.partition("=")[0]
     text = f"{program}: unknown option {name}"
+    if name == "--part" and "PART" in names:
+        return _with_guess(f"{text}: the part is given without a name, as PART", "", program)
     guess = nearest(name, names)
     if not guess:
         owners = [key for key, kind in COMMANDS.items() if name in _names(kind)]

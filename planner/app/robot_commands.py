@@ -553,6 +553,11 @@ def _print_places(placements: tuple[Placement, ...], count: int, cell: Cell, fil
             f"evaluated: moved with the part: {', '.join(moving)}"
             + (f"; left where they are: {staying}" if staying else "")
         )
+    elif cell.obstacles:
+        print_text(
+            "note: nothing moves with the part, so it may hang in the air at these positions. "
+            f"--table NAME lays it on an obstacle of the cell ({', '.join(cell.obstacles)})"
+        )
     print_text("the fixturings of the first position, for the cell file:")
     content = moved_cell(file, placements[0].motion, Path(file).parent)
     for line in toml_lines({"fixturings": content["fixturings"]}, digits=6):

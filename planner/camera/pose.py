@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.convert import Meta, Shape, to_plain
+from planner.argument_kinds import NOT_NEGATIVE, shown
 from planner.exceptions import RequestError, UncertaintyError
 from planner.plan_file import Pose
 
@@ -292,10 +293,10 @@ class PoseUncertainty:
             If a value is negative, not finite or so large that its unit must be wrong: above 100 mm or
             0.1 rad (5.7°). A larger rotation is stated by its covariance.
         """
-        sigmas = np.repeat([translation_mm, rotation_rad], 3).astype(float)
         for name, value in (("translation_mm", translation_mm), ("rotation_rad", rotation_rad)):
-            if not (np.isfinite(value) and value >= 0):
-                raise UncertaintyError.of_rule(name, "must be finite and not negative", repr(value))
+            if not NOT_NEGATIVE.accepts(value):
+                raise UncertaintyError.of_rule(name, NOT_NEGATIVE.text, shown(value))
+        sigmas = np.repeat([translation_mm, rotation_rad], 3).astype(float)
         if rotation_rad > PLAIN_SIGMA_RAD:
             rule = f"must be at most {PLAIN_SIGMA_RAD} rad, or be stated by the covariance"
             got = f"{rotation_rad:g} rad, which are {math.degrees(rotation_rad):.3g}°"

@@ -138,6 +138,12 @@ class Response:
         return self.text == LINEAR_NAME
 
     @property
+    def power_at_half(self) -> float:
+        """The gamma that makes the same light of half of full exposure."""
+        light = float(np.clip(self.light(np.array(0.5)), 1e-6, 1 - 1e-6))
+        return math.log(light) / math.log(0.5)
+
+    @property
     def words(self) -> str:
         """Its name in sentences."""
         if self.levels:

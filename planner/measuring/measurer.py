@@ -280,7 +280,8 @@ class MeasureOptions:
     Raises
     ------
     RequestError
-        If the coverage is not in (0, 1], or the breaks are not two numbers in rising order.
+        If registration, rule or localisation is no such value, the coverage is not in (0, 1], or
+        the breaks are not two numbers in rising order.
     CameraError
         If the white level is not a grey value, or the response none.
 
@@ -303,6 +304,11 @@ class MeasureOptions:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
+        check_kinds(
+            registration=(self.registration, "Registration"), rule=(self.rule, "DecisionRule")
+        )
+        if self.localisation is not None:
+            check_kinds(localisation=(self.localisation, "Localisation"))
         if self.response is not None:
             object.__setattr__(self, "response", check_response(self.response))
         if self.edge_break_mm is not None:

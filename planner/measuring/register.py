@@ -650,6 +650,8 @@ _UNDISTORTED = (
 )
 # settings that an image is compared with
 _MOST_LOOKS = 30
+# a pose is looked for so many times as far away as it may be
+_TIMES_AS_FAR = 4.0
 
 
 def looks_like(
@@ -675,6 +677,30 @@ def looks_like(
     str
         Words after "it".
     """
+    planned = poses[setting]
+    return _looks_like_another(model, pictures, poses, setting, prior) or _is_far(
+        model, pictures, planned, prior
+    )
+
+
+def _is_far(model: PartModel, pictures: list[Picture], planned: Array, prior: Array) -> str:
+    """Say how far images are off their prediction that fit at a pose which is farther off than stated; else empty."""
+    wider = prior.copy()
+    wider[:POSE] *= _TIMES_AS_FAR
+    wider[:, :POSE] *= _TIMES_AS_FAR
+    try:
+        far = register(model, pictures, planned, wider)
+    except NotRegisteredError:
+        return ""
+    return (
+        f"fits {far.shift_px:.0f} px off its prediction, more than the stated uncertainty of the pose allows: "
+        "check the camera's pose, and whether the image is cropped"
+    )
+
+
+def _looks_like_another(
+    model: PartModel, pictures: list[Picture], poses: list[Array], setting: int, prior: Array
+) -> str:
     tried = [
         (f"looks like {setting_name(k)}", pictures, pose)
         for k, pose in enumerate(poses[:_MOST_LOOKS])

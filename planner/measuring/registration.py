@@ -25,6 +25,7 @@ from errors.checks import chi_squared_quantile
 from errors.registration import Posterior, Rows, posterior
 from ground.convert import Meta, Shape, check_fields, shown
 from ground.short_repr import short_repr
+from planner.argument_kinds import MAPPING, check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import MAX_SIGMA_MM, MAX_SIGMA_RAD, PoseUncertainty
 from planner.exceptions import PlannerError, RequestError
@@ -586,10 +587,11 @@ class Registration:
         Raises
         ------
         RequestError
-            If a pose is no rigid motion, or a name has two.
+            If the poses are no mapping, a pose is no rigid motion, or a name has two.
         UncertaintyError
             If the covariance is none.
         """
+        check_kinds(poses=(poses, MAPPING))
         checked = {}
         for key, pose in poses.items():
             is_number = isinstance(key, int | np.integer) and not isinstance(key, bool)

@@ -798,6 +798,11 @@ def judge_response(
                 f"edges contradict the stated response ({stated}): gamma {_gamma_text(power)} is left in its light; "
                 "measured as stated"
             )
+        elif untold is None and not is_broken and (gamma := _linear_after_all(profiles, pictures)):
+            note = (
+                f"edges contradict the stated response ({stated}): grey values look proportional to light "
+                f"(gamma {gamma}); measured as stated"
+            )
         return JudgedResponse(dict(pictures), *_gamma_of(power), note=note)
     if not is_clear(power):
         return _believed(pictures, power, FILE in origins)
@@ -812,6 +817,20 @@ def judge_response(
         "measured so; state response"
     )
     return replace(_believed(plain, power, True), note=note, is_changed=True)
+
+
+def _linear_after_all(profiles: Profiles, pictures: Mapping[str, Picture]) -> str:
+    """Return the gamma that edges show in the grey values themselves; empty unless it is 1 and the stated one is not.
+
+    Light that a wrong response bends a lot is too far from light for the powers to be of first order. Grey values that
+    are proportional to light are not.
+    """
+    power = profiles.power(LINEAR)
+    if is_clear(power):
+        return ""
+    powers = [1 / picture.response.power_at_half - 1 for picture in pictures.values()]
+    is_bent = all(abs(power.excess - e) > CURVED + CURVED_SIGMAS * power.sd for e in powers)
+    return _gamma_text(power) if is_bent else ""
 
 
 def is_clear(power: PowerEstimate) -> bool:

@@ -40,6 +40,7 @@ from planner.measuring.samples import EdgeTable, PartModel, across_of, pixels_of
 from planner.measuring.verdict import Sampled
 from planner.request.edge_state import (
     MOST_UNSEEN_MM,
+    STATE_EDGES,
     UNSEEN_PX,
     UNSTATED_MM,
     EdgeState,
@@ -593,4 +594,4 @@ def edges_text(
         names = ", ".join(unseen.open_decisions[:4]) + ", ..." * (len(unseen.open_decisions) > 4)
         text += f", and it is open whether {names} conform{'s' * (len(unseen.open_decisions) == 1)}"
     texts.append(text)
-    return "; ".join(texts) + ". State the edges: --edges sharp, or edge_break_mm"
+    return "; ".join(texts) + f". {STATE_EDGES}"

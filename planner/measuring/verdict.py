@@ -38,6 +38,7 @@ from planner.measuring.task import (
     distance_of,
     residual_scale,
 )
+from planner.text_table import enumerated
 
 # Whether a lamp explains an image: that edges are found where it makes a step, and only there.
 #
@@ -573,13 +574,18 @@ def _dark_text(found: list[ImageScan]) -> str:
 
 
 def _little_known(covariance: Array, prior: Array) -> tuple[str, ...]:
-    """Say what of the pose the image says little about, given its covariance (6, 6) after and before."""
+    """Say in a note what of the pose the image says little about, given its covariance (6, 6) after and before."""
     sigmas = np.sqrt(np.diag(prior))
     names = {
         _POSE_WORDS[int(np.argmax(np.abs(direction) / sigmas))]
         for direction in undetermined(covariance, prior)
     }
-    return tuple(f"the image says little about the camera's {name}" for name in sorted(names))
+    if not names:
+        return ()
+    return (
+        f"the image says little about the camera's {enumerated(sorted(names))}: "
+        "there, the uncertainty that is stated for the pose remains",
+    )
 
 
 def _states(attempt: Attempt, agree: Bools) -> NDArray[np.void]:

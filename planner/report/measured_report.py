@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from errors.checks import probability_text
 from errors.measurands import Decision, DecisionRule, guard_band
 from ground.templates import asset, render, render_macro
+from planner.argument_kinds import check_kinds
 from planner.camera.camera import Camera
 from planner.measuring.advice import as_sentence
 from planner.measuring.images import Picture
@@ -386,6 +387,11 @@ def measured_html(results: MeasurementResults) -> str:
     str
         A page without references to anything outside it. The same results give the same page.
 
+    Raises
+    ------
+    RequestError
+        If the results are none.
+
     Examples
     --------
     >>> import numpy as np
@@ -398,6 +404,7 @@ def measured_html(results: MeasurementResults) -> str:
     >>> "cannot be registered" in measured_html(measure(plan, solid, dark)).lower()
     True
     """
+    check_kinds(results=(results, "MeasurementResults"))
     # what no image was read for is said last, and once for each reason
     ordered = sorted(results, key=lambda result: (_unread(result), _ORDER.index(result.decision)))
     heading = results.source.part or "part"
@@ -474,9 +481,9 @@ def _camera_facts(camera: Camera) -> dict[str, str]:
 
 def _explanation(results: MeasurementResults) -> str:
     return (
-        f"Rule: {results.rule}. Values in mm, angles in degrees. U is the expanded uncertainty of two "
-        "standard uncertainties: pose, surfaces, localisation, response of the camera and broken edges. It does not "
-        "count the calibration of the lens and the temperature of the part."
+        f"Rule: {results.rule}. Values in mm, angles in degrees. U is the expanded uncertainty, twice the standard "
+        "uncertainty u. It counts the camera's pose, the part's surfaces, the points in the image, the response of "
+        "the camera and broken edges. It does not count the calibration of the lens and the temperature of the part."
         f"{_break_explanation(results)}"
     )
 

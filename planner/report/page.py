@@ -17,10 +17,9 @@ from aspectgraph.plot.picker import LabelLayout, Spot, label_layout
 from errors.checks import percent_text, probability_text
 from ground.faces import project_version
 from ground.templates import asset, render
-from planner.argument_kinds import check_kinds
+from planner.argument_kinds import check_kinds, check_space
 from planner.camera.camera import Camera
 from planner.camera.pose import look_at, world_to_cam
-from planner.exceptions import RequestError
 from planner.measuring.foreseen import with_foreseen
 from planner.progress import report
 from planner.report.coverage import coverage_html
@@ -777,10 +776,7 @@ def make_report(
 
 def _check_arguments(plan: object, space: object) -> None:
     check_kinds(plan=(plan, "InspectionPlan"))
-    if not hasattr(space, "solid"):
-        rule = "must be VisibilityRegions or an EntityAspectGraph"
-        got = f"an object of type {type(space).__name__}"
-        raise RequestError.of_rule("space", rule, got, hint="compute_regions makes the former")
+    check_space(space)
 
 
 def _nouns(plan: InspectionPlan) -> tuple[str, str]:

@@ -471,9 +471,9 @@ def print_batch(results: Sequence[Any]) -> None:
     counts = {status: sum(result.status == status for result in results) for status in _STATUSES}
     texts = ", ".join(f"{n} {status}" for status, n in counts.items() if n)
     print_text(f"{count(len(results), 'part')}: {texts}")
-    n_early = sum(result.reason.endswith(STOPPED_EARLY) for result in results)
+    n_early = sum(STOPPED_EARLY in result.reason for result in results)
     if n_early:
-        print_text(f"{n_early} of them {STOPPED_EARLY}")
+        print_text(f"{n_early} of them {STOPPED_EARLY}; see the reasons in the tables")
     n_left_out = sum(result.left_out for result in results)
     if n_left_out:
         print_text(f"{count(n_left_out, 'dimension')} left out, see left_out_reasons in the tables")

@@ -22,7 +22,13 @@ from planner.progress import duration
 from planner.request.camera_limits import LEAST_SIGMAS, corner_margin_px
 from planner.request.constraints import limit_sentences
 from planner.request.dimension_files import SURFACES_MM
-from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState, largest_shift, value_sigma
+from planner.request.edge_state import (
+    STATE_EDGES,
+    TYPICAL_BREAK_MM,
+    EdgeState,
+    largest_shift,
+    value_sigma,
+)
 from planner.request.targets import words_of
 from planner.rows import unshown_warning
 from planner.text_table import count, digits_text
@@ -157,14 +163,15 @@ def unfinished_sentence(plan: InspectionPlan) -> str:
     """Say what a planning that was ended before its end may have missed; empty of one that was not."""
     if not plan.unfinished:
         return ""
-    more = (
-        "find poses with a larger P"
-        if plan.minimal and plan.complete
-        else "need fewer settings or prove a larger bound"
-    )
+    return f"Planning stopped early. A longer run may {_more_by_longer(plan)}."
+
+
+def _more_by_longer(plan: InspectionPlan) -> str:
     if not plan.complete:
-        more = f"inspect more targets, {more}"
-    return f"Planning stopped early. A longer run may {more}."
+        return "inspect more targets, need fewer settings or prove a larger bound"
+    if plan.minimal:
+        return "find poses with a larger P"
+    return "need fewer settings or prove a larger bound"
 
 
 def registration_text(plan: InspectionPlan) -> str:
@@ -176,9 +183,6 @@ def registration_text(plan: InspectionPlan) -> str:
         return "values are read from images registered to the part's own edges"
     sigmas = registration.pose_uncertainty.sigmas
     return f"poses are known to {sigmas[:3].max():g} mm and {sigmas[3:].max():g} rad when values are read"
-
-
-_STATE_EDGES = "State the edges: --edges sharp, or edge_break_mm"
 
 
 def edges_text(plan: InspectionPlan) -> str:
@@ -231,13 +235,13 @@ def unstated_edges_text(plan: InspectionPlan) -> str:
         f"{digits_text(shift, 2)} {target.unit}, its U is {digits_text(expanded, 2)} {target.unit}"
     )
     if text := _foreseen_text(plan):
-        return f"{moved}. {text}. {_STATE_EDGES}"
+        return f"{moved}. {text}. {STATE_EDGES}"
     assumed = EdgeState()
     measured = math.hypot(expanded, COVERAGE * value_sigma(target.measurand, assumed))
     return (
         f"{moved}. 'measure' assumes breaks of up to {assumed.high_mm:g} mm where none is stated. Its U is then at "
         f"most about {digits_text(measured, 2)} {target.unit}, and less where the image tells how the light falls. "
-        f"{_STATE_EDGES}"
+        f"{STATE_EDGES}"
     )
 
 
@@ -436,8 +440,16 @@ def graph_sentence(n_entities: int, graph_limit: int | None) -> str:
     )
 
 
-STOPPED_EARLY = "stopped early, so a longer time limit may need fewer settings"
-"""What is said of a plan of a folder that was not finished."""
+STOPPED_EARLY = "stopped early"
+"""How the note begins that a plan of a folder was not finished."""
+
+
+def stopped_note(plan: InspectionPlan) -> str:
+    """Say in a table of parts that a plan was stopped early, and what a longer limit may change; else empty."""
+    if not plan.unfinished:
+        return ""
+    more = f"a longer time limit may {_more_by_longer(plan)}"
+    return f"{STOPPED_EARLY}, so {more}"
 
 
 def regions_sentence(shares: Mapping[str, float], n_together: int) -> str:

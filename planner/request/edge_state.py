@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 
 TYPICAL_BREAK_MM = 0.1
 """Where no break is stated, reports say what this one would do."""
+STATE_EDGES = "State the edges: --edges sharp, or --edges 0.1..0.3 for breaks in mm (in Python: edge_break_mm)"
+"""What to do about edges whose breaks nobody states."""
 UNSTATED_MM = 0.05
 """Edges are broken by up to so much, mm, where nothing is stated: ISO 13715 has it as the limit of a sharp edge."""
 UNSEEN_PX = 3.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from planner.request.targets import (
     knowledge_of,
     witness_name,
 )
+from planner.text_table import digits_text
 
 if TYPE_CHECKING:
     from errors.measurands import Localisation
@@ -123,6 +124,26 @@ OF_SHOWING = ("separation_px", "corner_deg")
 """Constraints that say how a target shows in the image; they mean nothing where it is hidden."""
 
 
+def unjudged(margins: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the constraints whose margins mean nothing at a pose.
+
+    Regions end at the walls of the workspace. So nobody knows what hides a target from outside of it.
+
+    Parameters
+    ----------
+    margins : mapping of str to float or array
+        Of one pose, by constraint.
+
+    Returns
+    -------
+    tuple of str
+        Empty inside the workspace.
+    """
+    if np.min(margins["workspace_mm"]) < 0:
+        return ("visibility", *OF_SHOWING)
+    return ()
+
+
 def why_missed(name: str, amount: float) -> str:
     """Return in words what it says of a target that a constraint is not met.
 
@@ -141,7 +162,7 @@ def why_missed(name: str, amount: float) -> str:
     unit = name.rpartition("_")[2]
     if name in _SIGNS or unit not in ("mm", "px", "deg"):
         return _WHY.get(name, _OTHER)
-    return f"{_WHY.get(name, _OTHER)} by {amount:.3g} {unit}"
+    return f"{_WHY.get(name, _OTHER)} by {digits_text(amount, 3)} {unit}"
 
 
 class Witnesses(NamedTuple):
@@ -269,7 +290,11 @@ def witness_states(witnesses: Witnesses, cam2world: NDArray[np.float64]) -> Witn
     missed = np.zeros(n)
     worst = [""] * n
     amount = np.zeros(n)
-    for name, margin in constraints.margins(pose).items():
+    margins = constraints.margins(pose)
+    unknown = unjudged(margins)
+    for name, margin in margins.items():
+        if name in unknown:
+            continue
         short = np.maximum(-margin[0], 0.0) / constraints.scale(name)
         for w in np.flatnonzero(np.broadcast_to(short, (n,)) > missed).tolist():
             worst[w] = name

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ga import GAResult, maximize
 from ga.exceptions import InfeasiblePopulationError
-from planner.argument_kinds import ITEMS, check_kinds
+from planner.argument_kinds import ITEMS, check_kinds, check_space
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import NOT_ASKED, Detectability
@@ -719,6 +719,7 @@ def plan_setting(
         camera=(camera, "Camera"),
         pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
     )
+    check_space(space)
     names = check_names(space, names)
     for name in names:
         check_is_edge(name, space.entities[name])

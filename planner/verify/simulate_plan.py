@@ -12,7 +12,7 @@ import numpy as np
 from errors.checks import below_one
 from errors.measurands.geometry import Geometry, Line
 from ground.convert import STATED, Meta, from_plain, to_plain
-from planner.argument_kinds import check_kinds
+from planner.argument_kinds import check_count, check_kinds
 from planner.camera.camera import Camera
 from planner.detectability.conditions import Detectability
 from planner.detectability.image_check import ImageCheck, Scanned
@@ -351,6 +351,7 @@ def simulate_plan(
     """
     if not hasattr(plan, "settings"):
         check_kinds(plan=(plan, "InspectionPlan"))
+    check_count("n", n, 1)
     seed = rng if isinstance(rng, int) else None
     pairs: Mapping[str, Any] = getattr(plan, "split", {})
     intervals = max(1, sum(len(setting.entities) for setting in plan.settings) + len(pairs))

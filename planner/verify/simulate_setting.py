@@ -17,6 +17,7 @@ from scipy.special import betaincinv
 from errors.measurands import Circle, End, Geometry, Localisation
 from ground.convert import STATED
 from ground.decorators import entry_kernel, kernel_without_refcounts
+from planner.argument_kinds import check_count
 from planner.camera.camera import Camera, image_of, undistorted_px
 from planner.camera.pose import PoseUncertainty, world_to_cam
 from planner.exceptions import RequestError
@@ -672,8 +673,7 @@ def simulate_setting(
     for name, value in (("accuracy", accuracy), ("confidence", confidence)):
         if not 0 < value < 1:
             raise RequestError.of_rule(name, "must be in (0, 1)", repr(value))
-    if n < 1:
-        raise RequestError.of_rule("n", "must be at least 1", repr(n))
+    check_count("n", n, 1)
     rng = np.random.default_rng(rng)
     dimensions = {
         name: entities[name]

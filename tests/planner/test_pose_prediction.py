@@ -142,3 +142,18 @@ def test_a_prediction_at_a_planned_pose_is_that_of_the_plan(part, wanted, witnes
         for name, probability in setting.probability.items():
             assert told[name].inspected
             assert told[name].probability == pytest.approx(probability, abs=1e-9)
+
+
+@pytest.mark.parametrize("mm", [100.0, 5000.0])
+def test_from_outside_the_workspace_nothing_is_said_to_be_hidden(mm):
+    """The rim is in plain view from above, however far the camera is; it is too far to be in focus there."""
+    workspace = ((-60.0, -60.0, -60.0), (120.0, 120.0, 60.0))
+    options = replace(OPTIONS, workspace=workspace)
+    pose = look_at((60.0, 30.0, 60.0 + mm), (60.0, 30.0, 10.0))[0]
+    said = predict(solid_of(BLOCK), {"rim": RIM}, pose, CAMERA, SIGMA, options=options)["rim"]
+    assert not said.observable
+    assert said.missed["workspace_mm"] == pytest.approx(mm)
+    assert "visibility" not in said.missed
+    why = said.reason(0.9)
+    assert "hidden" not in why
+    assert f"outside the workspace by {mm:.0f} mm" in why

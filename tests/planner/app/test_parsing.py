@@ -1042,7 +1042,19 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     ("arguments", "message"),
     [
         (["info"], "info: PART must be given"),
-        (["info", BLOCK_BAD_INPUTS, "more"], "info: unknown argument 'more'"),
+        (["info", BLOCK_BAD_INPUTS, "more"], "info: unknown argument 'more'; see"),
+        (
+            ["lights", "plan", "p.stp"],
+            "unknown argument 'p.stp'. Name the part by --part p.stp; see",
+        ),
+        (
+            ["measure", "plan", "images", "p.stp", "--out", "m"],
+            "unknown argument 'p.stp'. Name the part by --part p.stp; see",
+        ),
+        (
+            ["reach", "plan", "--part", "p.stp", "--cell", "c.toml"],
+            "unknown option --part: the part is given without a name, as PART; see",
+        ),
         (
             ["plan", BLOCK_BAD_INPUTS, *CAMERA_BAD_INPUTS],
             "plan: one of --entities, --select, --all, --dimensions must",

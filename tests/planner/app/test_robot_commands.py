@@ -238,7 +238,9 @@ def test_a_printed_place_can_be_pasted_into_the_cell(tmp_path, capsys):
         "--quiet",
     ]
     assert main([*words, "--within", "450", "-300", "0", "900", "300", "300"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    printed = capsys.readouterr().out
+    assert "may hang in the air" not in printed
+    lines = printed.splitlines()
     (place,) = (line for line in lines if line.startswith("part2base = "))
     # the part is turned by no round angle, so the digits matter
     assert "0.0, 0.0, 1.0" in place
@@ -248,6 +250,22 @@ def test_a_printed_place_can_be_pasted_into_the_cell(tmp_path, capsys):
     cell.write_text(free.replace(old, place), encoding="utf-8")
     assert main(["reach", PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", str(cell)]) == 0
     assert "1 of 1 settings reached" in capsys.readouterr().out
+
+
+def test_a_place_away_from_a_table_of_the_cell_is_noted(tmp_path, capsys):
+    """A table of the cell stays where it is, and nobody looks whether the part lies on it."""
+    text = (
+        Path(cell_file(tmp_path)).read_text("utf-8").replace("fixturings.up.obstacles", "obstacles")
+    )
+    cell = tmp_path / "cell.toml"
+    cell.write_text(text, encoding="utf-8")
+    words = ["reach", PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", str(cell)]
+    main([*words, "--place", "--quiet", "--draws", "40"])
+    printed = " ".join(capsys.readouterr().out.split())
+    assert (
+        "it may hang in the air at these positions. --table NAME lays it on an obstacle" in printed
+    )
+    assert "(table)" in printed
 
 
 def test_places_to_put_the_part(tmp_path, capsys):

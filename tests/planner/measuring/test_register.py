@@ -30,7 +30,7 @@ from planner.measuring.register import (
     register,
 )
 from planner.measuring.registered import FREE_PX, displaced, prior_covariance
-from planner.measuring.samples import POSE, STEP_PX, PartModel
+from planner.measuring.samples import POSE, STEP_PX, PartModel, pixels_of
 from planner.measuring.task import (
     REPEATABILITY,
     ImageScan,
@@ -71,7 +71,7 @@ def images(real):
 
 def seen_error_px(model, registered, pose):
     """How far registered edges of the upper face are, across them, from where a camera at a pose images them, px."""
-    from planner.measuring.samples import across_of, pixels_of
+    from planner.measuring.samples import across_of
 
     worst = 0.0
     for edge in model.edges.edges:
@@ -275,6 +275,25 @@ def test_an_image_the_wrong_way_round(solid, images, turn, text):
     plan = measured_plan(solid, ["left"], settings=1)
     results = measure(plan, solid, {1: turn(images[1])})
     assert results.failed["setting_01"].endswith(text)
+
+
+@pytest.mark.parametrize("cut_px", [20, 26])
+def test_a_cropped_image_says_how_far_it_is_off(solid, images, real, cut_px):
+    """Columns are cut off on the left, and the image is filled up on the right to its size."""
+    plan = measured_plan(solid, ["left"], settings=1)
+    cut = np.pad(images[1][:, cut_px:], ((0, 0), (0, cut_px)))
+    failed = measure(plan, solid, {1: cut}).failed["setting_01"]
+    said = re.search(
+        r"; it fits (\d+) px off its prediction, more than the stated uncertainty of the pose allows: "
+        "check the camera's pose, and whether the image is cropped$",
+        failed,
+    )
+    assert said, failed
+    # the camera itself is off its planned pose, so that the whole shift is another one
+    places = np.array([[30.0, 20.0, 0.0], [10.0, 10.0, 0.0], [50.0, 30.0, 0.0]])
+    moved = pixels_of(places, real[0], CAMERA) - pixels_of(places, POSES[0], CAMERA)
+    expected = np.median(np.linalg.norm(moved - [cut_px, 0], axis=1))
+    assert int(said[1]) == pytest.approx(expected, abs=2)
 
 
 @pytest.mark.parametrize("image", ["black", "noise", "another part", "far away"])

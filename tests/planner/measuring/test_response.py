@@ -453,6 +453,22 @@ def test_a_stated_response_is_believed_and_contradicted(measurer, images, linear
     assert "edges contradict the stated response (linear)" in wrong.notes[0]
 
 
+@pytest.mark.parametrize("stated", [2.2, "srgb", "0 0; 0.5 0.2; 1 1"])
+def test_a_stated_response_of_images_that_are_light_is_contradicted(measurer, images, stated):
+    """Light that is bent so much has no small power left, so that the grey values themselves are tested."""
+    how = Registration.own_edges()
+    wrong = measurer.measure(images, MeasureOptions(how, response=stated))
+    assert "edges contradict the stated response" in wrong.notes[0]
+    right = measurer.measure(images, MeasureOptions(how, response="linear"))
+    assert not [note for note in right.notes if "contradict" in note]
+
+
+@pytest.mark.parametrize(("response", "power"), [("linear", 1.0), ("2.2", 2.2), ("srgb", 2.224)])
+def test_the_power_at_half_of_full_exposure(response, power):
+    """Of sRGB by its definition: ((0.5 + 0.055) / 1.055) ** 2.4 is 0.21404, and 0.5 ** 2.224 the same."""
+    assert Response.of(response).power_at_half == pytest.approx(power, abs=1e-3)
+
+
 def test_a_statement_of_a_file_is_tested(measurer, images, tmp_path, linear):
     for k, image in images.items():
         stream = io.BytesIO()

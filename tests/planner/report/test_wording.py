@@ -34,6 +34,7 @@ from planner.report.wording import (
     light_sentence,
     not_shown_texts,
     simulation_sentence,
+    stopped_note,
     unstated_edges_text,
     verdict,
 )
@@ -301,6 +302,11 @@ def test_an_unfinished_plan_says_what_more_time_may_give():
         assert "Planning stopped early. A longer run may" in text
         assert ("inspect more" in text) == (not made.complete)
         assert ("need fewer settings" in text) == (not made.minimal or not made.complete)
+        note = stopped_note(replace(made, unfinished=True))
+        assert note.startswith("stopped early, so a longer time limit may ")
+        more = note.partition(" limit may ")[2]
+        assert f"A longer run may {more}. " in f"{text} "
+        assert stopped_note(made) == ""
 
 
 def test_a_line_of_the_log():

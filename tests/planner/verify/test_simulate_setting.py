@@ -253,7 +253,7 @@ def test_same_seed_same_counts_and_confirmation():
     [
         ({"accuracy": 1.2}, r"accuracy must be in \(0, 1\)\. Got 1\.2\."),
         ({"confidence": 0.0}, r"confidence must be in \(0, 1\)\. Got 0\.0\."),
-        ({"n": 0}, r"n must be at least 1\. Got 0\."),
+        ({"n": 0}, r"n must be an integer of at least 1\. Got 0\."),
     ],
 )
 def test_bad_arguments_are_refused(arguments, message):
