@@ -22,7 +22,7 @@ from aspectgraph import (
 from aspectgraph.phases import phases_checked_by
 from aspectgraph.read.part_file import MESH_SUFFIXES
 from planner.app.checks import in_words_of_shell
-from planner.app.options import Info, PartReading
+from planner.app.options import Info, PartReading, SearchEffort
 from planner.app.process import DONE
 from planner.callbacks import KEPT_LIMIT_S
 from planner.exceptions import RequestError
@@ -96,15 +96,19 @@ def read_in_time(options: PartReading) -> Iterator[None]:
 
 def _end_of_time(options: PartReading) -> float:
     """Return when the time of a plan is up, as `time.monotonic` counts; infinity for other commands."""
-    limit = getattr(options, "time_limit", None)
-    if limit is None or limit < KEPT_LIMIT_S:
-        return math.inf
-    return options.begun + float(limit)
+    limit = _kept_limit(options)
+    return math.inf if limit is None else options.begun + limit
+
+
+def _kept_limit(options: PartReading) -> float | None:
+    """Return the time limit of a search that also counts the reading; None if there is none."""
+    limit = options.time_limit if isinstance(options, SearchEffort) else None
+    return None if limit is None or limit < KEPT_LIMIT_S else float(limit)
 
 
 def _too_short(options: PartReading) -> RequestError:
-    limit = f"{getattr(options, 'time_limit', math.inf):g}"
-    return RequestError.of_rule("time_limit_s", "must be long enough to read the part", limit)
+    rule = "must be long enough to read the part"
+    return RequestError.of_rule("time_limit_s", rule, f"{_kept_limit(options):g}")
 
 
 def read_as(part: str, reading: dict[str, Any], options: PartReading) -> Solid:
