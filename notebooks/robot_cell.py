@@ -96,7 +96,8 @@ assert cell.reachability(plan, solid).complete
 
 
 # %% [markdown]
-# This is the arm at both settings, with the camera in blue and the part in grey. Links count as their convex hulls.
+# This is the arm at both settings, with the camera in blue and the part in grey. Links count as their convex hulls. So
+# two links of the arm itself may be the nearest pair, as at setting 1: their hulls leave less room than the links do.
 
 
 # %%

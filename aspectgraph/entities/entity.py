@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import lru_cache
 from itertools import pairwise
 from math import ceil, floor
 from operator import index
@@ -283,6 +284,12 @@ def for_name(name: str, entity: object) -> str:
     return f" for {name!r}"
 
 
+@lru_cache(maxsize=2)
+def _curves_of(solid: Solid) -> dict[str, Arc]:
+    """Return all rims and arcs of a solid by id: each of hundreds of dimensions looks for its own."""
+    return {curve.id: curve for curve in (*solid.rims(0.0), *solid.arcs(0.0))}
+
+
 def find_curve(solid: Solid, target: str | Arc, name: str, min_dihedral_deg: float) -> Arc:
     """Return the rim or arc of a solid that an id or an object stands for.
 
@@ -302,12 +309,12 @@ def find_curve(solid: Solid, target: str | Arc, name: str, min_dihedral_deg: flo
     EntityError
         The solid has no such rim or arc, or it is blunter.
     """
-    curves = [*solid.rims(0.0), *solid.arcs(0.0)]
+    curves = _curves_of(solid)
     curve_id = target if isinstance(target, str) else target.id
-    match = next((curve for curve in curves if curve.id == curve_id), None)
+    match = curves.get(curve_id)
     if match is None or not (isinstance(target, str) or match == target):
         n_rims, n_arcs = (
-            sum(isinstance(c, Rim) is is_rim for c in curves) for is_rim in (True, False)
+            sum(isinstance(c, Rim) is is_rim for c in curves.values()) for is_rim in (True, False)
         )
         raise EntityError(
             f"a rim or arc must be one of the solid's {n_rims} rims and {n_arcs} arcs, r0, r1, … and a0, a1, …. "

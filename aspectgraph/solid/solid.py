@@ -424,6 +424,11 @@ class Solid(ShownInNotebook):
     @property
     def bounds(self) -> np.ndarray:
         """Lowest and highest corner of the bounding box in mm, shape (2, 3)."""
+        return self._bounds.copy()
+
+    @cached_property
+    def _bounds(self) -> np.ndarray:
+        """`bounds`, which every name of an entity asks for."""
         return np.array([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
     @property

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
@@ -78,6 +78,8 @@ Sides: TypeAlias = Callable[[np.ndarray], np.ndarray]
 _Point = tuple[int, int]
 # vertices that are looked at before the next ones are converted
 _AT_ONCE = 64
+# planes whose surroundings are kept: the two sides of a plate, and the floors of its pockets
+_LEVELS = 32
 
 
 class Disc(NamedTuple):
@@ -106,13 +108,11 @@ def free_disc(scene: Scene, solid: Solid, entity: Entity) -> Disc | None:
     plane = _common_plane(scene, solid, entity, corners)
     if plane is None:
         return None
-    axis = int(np.abs(plane[:3]).argmax())
-    flat = np.delete(scene.points, axis, axis=1)
-    outline = _counter_clockwise([(x, y) for x, y in flat[corners].tolist()])
+    level = _level(_Surface(scene, solid), *plane.tolist())
+    outline = _counter_clockwise([(x, y) for x, y in level.flat[corners].tolist()])
     if outline is None:
         return None
-    heights = _heights(scene, plane)
-    shape = _Shape(scene, solid, plane, heights, flat, outline)
+    shape = _Shape(scene, solid, level, outline)
     if not shape.is_free(entity.edge_ids, corners):
         return None
     return Disc(corners, plane, shape.certified())
@@ -146,17 +146,17 @@ def _common_plane(
     next_to = solid.edges[entity.edge_ids[0]].faces
     candidates = [scene.planes[scene.plane_of_face[face]] for face in next_to]
     for candidate in [*candidates, plane]:
-        if not _heights(scene, candidate)[corners].any():
+        if not _heights(points, candidate, scene.resolution).any():
             return np.asarray(candidate)
     return None
 
 
-def _heights(scene: Scene, plane: np.ndarray) -> np.ndarray:
-    """Heights of all vertices over a plane, in multiples of a step: 0 within the resolution."""
-    heights = scene.points @ plane[:3] - plane[3]
-    if scene.resolution > 0.0:
+def _heights(points: np.ndarray, plane: np.ndarray, resolution: float) -> np.ndarray:
+    """Heights of points over a plane, in multiples of a step: 0 within the resolution."""
+    heights = points @ plane[:3] - plane[3]
+    if resolution > 0.0:
         length = np.sqrt((plane[:3].astype(float) ** 2).sum())
-        heights[np.abs(heights) <= scene.resolution * length] = 0
+        heights[np.abs(heights) <= resolution * length] = 0
     return np.asarray(heights)
 
 
@@ -174,14 +174,118 @@ def _turn(a: _Point, b: _Point, p: _Point) -> int:
     return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
 
 
-@lru_cache(maxsize=1)
-def _edge_ends(solid: Solid) -> np.ndarray:
-    """Vertices of all edges, (n, 2): made once for all rims of a part."""
-    return np.array([edge.vertices for edge in solid.edges])
-
-
 def _length(vector: Sequence[int]) -> float:
     return math.sqrt(sum(x * x for x in vector))
+
+
+class _Surface:
+    """A solid on its grid; equal to another one that has the same arrays.
+
+    Parameters
+    ----------
+    scene, solid
+        The solid on its grid, and itself.
+    """
+
+    def __init__(self, scene: Scene, solid: Solid) -> None:
+        self.scene = scene
+        self.solid = solid
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, _Surface)
+            and self.scene.points is other.scene.points
+            and self.scene.resolution == other.scene.resolution
+            and self.solid is other.solid
+        )
+
+    def __hash__(self) -> int:
+        return hash((id(self.scene.points), id(self.solid)))
+
+    @cached_property
+    def edge_ends(self) -> np.ndarray:
+        """Vertices of all edges, int64, (n, 2)."""
+        return np.array([edge.vertices for edge in self.solid.edges])
+
+    @cached_property
+    def shell_vertices(self) -> list[np.ndarray]:
+        """For each shell, the numbers of its vertices, in order."""
+        pieces = self.scene.pieces
+        shell_of = np.repeat(self.solid.face_shell[pieces.face], np.diff(pieces.first))
+        return [
+            np.unique(pieces.vertices[shell_of == shell]) for shell in range(self.solid.n_shells)
+        ]
+
+
+class _Level:
+    """A plane, and how the surface lies about it: what all discs in one plane have in common.
+
+    Parameters
+    ----------
+    surface : _Surface
+    plane : ndarray of int64, shape (4,)
+
+    Attributes
+    ----------
+    plane
+    flat : ndarray of int64, shape (n, 2)
+        All vertices without the coordinate that the plane is farthest across.
+    heights : ndarray of int64, shape (n,)
+        Of all vertices over the plane, in multiples of a step.
+    crossing : ndarray of int64, shape (k,)
+        Pieces that reach it, of faces that have vertices on both of its sides.
+    crossing_box : ndarray of int64, shape (k, 2, 2)
+        Least and largest coordinates of these, without the same one.
+    edges : ndarray of int64, shape (m,)
+        Edges in it.
+    edge_box : ndarray of int64, shape (m, 2, 2)
+        Their least and largest coordinates.
+    reached : ndarray of bool, shape (shells, 2)
+        Whether each shell has vertices below and above it.
+    beside : list of ndarray of int64
+        Of each shell, the vertices in it.
+    """
+
+    def __init__(self, surface: _Surface, plane: np.ndarray) -> None:
+        scene = surface.scene
+        axis = int(np.abs(plane[:3]).argmax())
+        self.plane = plane
+        self.flat = np.delete(scene.points, axis, axis=1)
+        self.heights = _heights(scene.points, plane, scene.resolution)
+        self.crossing, self.crossing_box = self._pieces_across(scene, len(surface.solid.faces))
+        ends = surface.edge_ends
+        self.edges = np.flatnonzero((self.heights == 0)[ends].all(axis=1))
+        places = self.flat[ends[self.edges]]
+        self.edge_box = np.stack([places.min(axis=1), places.max(axis=1)], axis=1)
+        heights = [self.heights[vertices] for vertices in surface.shell_vertices]
+        self.reached = np.array([((h < 0).any(), (h > 0).any()) for h in heights])
+        self.beside = [
+            vertices[h == 0] for vertices, h in zip(surface.shell_vertices, heights, strict=True)
+        ]
+
+    def _pieces_across(self, scene: Scene, n_faces: int) -> tuple[np.ndarray, np.ndarray]:
+        pieces = scene.pieces
+        height = self.heights[pieces.vertices]
+        starts = pieces.first[:-1]
+        low = np.minimum.reduceat(height, starts)
+        high = np.maximum.reduceat(height, starts)
+        face_low = np.zeros(n_faces, np.int64)
+        face_high = np.zeros(n_faces, np.int64)
+        np.minimum.at(face_low, pieces.face, low)
+        np.maximum.at(face_high, pieces.face, high)
+        both = (face_low[pieces.face] < 0) & (face_high[pieces.face] > 0)
+        flat = self.flat[pieces.vertices]
+        box = np.stack(
+            [np.minimum.reduceat(flat, starts), np.maximum.reduceat(flat, starts)], axis=1
+        )
+        across = np.flatnonzero(both & (low <= 0) & (high >= 0))
+        return across, box[across]
+
+
+@lru_cache(maxsize=_LEVELS)
+def _level(surface: _Surface, a: int, b: int, c: int, d: int) -> _Level:
+    """Return a plane of a solid: holes that end on one face share it."""
+    return _Level(surface, np.array([a, b, c, d]))
 
 
 class _Shape:
@@ -191,30 +295,19 @@ class _Shape:
     ----------
     scene, solid
         The solid on its grid, and itself.
-    plane : ndarray of int64, shape (4,)
-        That of the disc.
-    heights : ndarray of int64, shape (n,)
-        Of all vertices over it, in multiples of a step.
-    flat : ndarray of int64, shape (n, 2)
-        All vertices without the coordinate that the plane is farthest across.
+    level : _Level
+        The disc's plane.
     outline : list of (int, int)
-        Corners of the disc in the same view, counter-clockwise.
+        Corners of the disc in the level's view, counter-clockwise.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        solid: Solid,
-        plane: np.ndarray,
-        heights: np.ndarray,
-        flat: np.ndarray,
-        outline: list[_Point],
-    ) -> None:
+    def __init__(self, scene: Scene, solid: Solid, level: _Level, outline: list[_Point]) -> None:
         self._scene = scene
         self._solid = solid
-        self._plane = plane
-        self._heights = heights
-        self._flat = flat
+        self._level = level
+        self._plane = level.plane
+        self._heights = level.heights
+        self._flat = level.flat
         self._outline = outline
         self._sides = list(pairwise([*outline, outline[0]]))
         box = np.array(outline)
@@ -236,17 +329,12 @@ class _Shape:
 
     def certified(self) -> np.ndarray:
         """Which shells are certified for which side; see `Disc`."""
-        shells = self._solid.face_shell
-        result = np.zeros((self._solid.n_shells, 2), bool)
-        pieces = self._scene.pieces
-        shell_of = np.repeat(shells[pieces.face], np.diff(pieces.first))
-        for shell in range(len(result)):
-            is_of_shell = np.zeros(len(self._heights), bool)
-            is_of_shell[pieces.vertices[shell_of == shell]] = True
-            heights = self._heights[is_of_shell]
-            beside = self._is_any_outside(np.flatnonzero(is_of_shell)[heights == 0])
-            result[shell] = beside or (heights < 0).any(), beside or (heights > 0).any()
-        return result
+        reached = self._level.reached
+        beside = [
+            not below_and_above.all() and self._is_any_outside(vertices)
+            for below_and_above, vertices in zip(reached, self._level.beside, strict=True)
+        ]
+        return np.asarray(reached | np.array(beside)[:, None])
 
     def _is_any_outside(self, vertices: np.ndarray) -> bool:
         """Whether one of these vertices in the plane is outside the disc; nearly always, one of the first is."""
@@ -283,22 +371,14 @@ class _Shape:
 
     def _is_crossed(self) -> bool:
         """Whether a face that has vertices on both sides of the plane meets the disc's relative interior."""
-        pieces = self._scene.pieces
-        height = self._heights[pieces.vertices]
-        starts = pieces.first[:-1]
-        low = np.minimum.reduceat(height, starts)
-        high = np.maximum.reduceat(height, starts)
-        face_low = np.zeros(len(self._solid.faces), np.int64)
-        face_high = np.zeros(len(self._solid.faces), np.int64)
-        np.minimum.at(face_low, pieces.face, low)
-        np.maximum.at(face_high, pieces.face, high)
-        both = (face_low[pieces.face] < 0) & (face_high[pieces.face] > 0)
-        flat = self._flat[pieces.vertices]
-        near = (np.minimum.reduceat(flat, starts) < self._high).all(axis=1) & (
-            np.maximum.reduceat(flat, starts) > self._low
-        ).all(axis=1)
-        candidates = np.flatnonzero(both & near & (low <= 0) & (high >= 0))
-        return any(self._meets(piece) for piece in candidates.tolist())
+        near = self._near(self._level.crossing_box)
+        return any(self._meets(piece) for piece in self._level.crossing[near].tolist())
+
+    def _near(self, box: np.ndarray) -> np.ndarray:
+        """Whether boxes (n, 2, 2) overlap that of the disc, (n,)."""
+        return np.asarray(
+            (box[:, 0] < self._high).all(axis=1) & (box[:, 1] > self._low).all(axis=1)
+        )
 
     def _meets(self, piece: int) -> bool:
         """Whether the part of a piece in the plane, a segment, meets the disc's relative interior."""
@@ -342,17 +422,16 @@ class _Shape:
 
     def _edges_within(self, chords: set[int]) -> list[int]:
         """Edges in the plane, other than the chords, that meet the disc's relative interior."""
-        ends = _edge_ends(self._solid)
-        in_plane = np.flatnonzero((self._heights == 0)[ends].all(axis=1))
-        flat = self._flat[ends[in_plane]]
-        near = (flat.min(axis=1) < self._high).all(axis=1) & (flat.max(axis=1) > self._low).all(
-            axis=1
-        )
         return [
             edge_id
-            for edge_id, pair in zip(in_plane[near].tolist(), flat[near].tolist(), strict=True)
-            if edge_id not in chords and self._crosses([(x, y, 1) for x, y in pair])
+            for edge_id in self._level.edges[self._near(self._level.edge_box)].tolist()
+            if edge_id not in chords and self._crosses(self._ends(edge_id))
         ]
+
+    def _ends(self, edge_id: int) -> list[tuple[int, int, int]]:
+        """Ends of an edge, as `_crosses` has them."""
+        ends = self._flat[list(self._solid.edges[edge_id].vertices)].tolist()
+        return [(x, y, 1) for x, y in ends]
 
     def _parts(self, edge_id: int) -> bool:
         """Whether the solid is in the plane next to an edge there, on either side of the edge."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -130,9 +131,12 @@ def relation_to(
         How far from the vertex chords still count as connected.
     """
     relation = np.full(len(contours.ids), OTHER, np.uint8)
-    same_edge = np.isin(contours.ids, list(edge_ids))
+    ids = np.array(edge_ids, np.int64)
+    places = np.searchsorted(contours.ids[:-1], ids)
+    # not every edge is a contour
+    same_edge = places[contours.ids[places] == ids] if relation.size else places[:0]
     for vertex in np.unique(contours.ends[same_edge]).tolist():
-        distance = np.linalg.norm(contours.vertices - contours.vertices[vertex], axis=1)
+        middle = contours.vertices[vertex].tolist()
         reached = {vertex}
         waiting = [vertex]
         while waiting:
@@ -142,7 +146,9 @@ def relation_to(
                     continue
                 relation[e] = CONNECTED
                 for other in contours.ends[e].tolist() if contours.kinds[e] & CURVED else ():
-                    if other not in reached and distance[other] <= radius_mm:
+                    if other in reached:
+                        continue
+                    if math.dist(contours.vertices[other].tolist(), middle) <= radius_mm:
                         reached.add(other)
                         waiting.append(other)
     relation[same_edge] = OWN

@@ -119,6 +119,7 @@ def foreseen_in_time(
     """Return a plan with these uncertainties; as it was, with a sentence for the reader, if the time ends before."""
     try:
         with checked_by(lambda: time_left.check):
+            check_on_the_way()
             return with_foreseen(plan, solid), []
     except TimeIsUpError:
         return plan, [_NOT_FORESEEN]

@@ -406,7 +406,7 @@ class Measurer:
 
     def __init__(self, plan: InspectionPlan, solid: Solid, *, plan_digest: str = "") -> None:
         check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"))
-        self._plan_digest = plan_digest or hashlib.sha256(plan.file_text().encode()).hexdigest()
+        self._given_digest = plan_digest
         self._digest = PartRecord.of(solid).digest
         why = plan.request.other_part(solid)
         if why:
@@ -1113,7 +1113,8 @@ class Measurer:
             images=dict(found.digests),
             date=timestamp(),
             operator=operator,
-            plan_digest=self._plan_digest,
+            plan_digest=self._given_digest
+            or hashlib.sha256(self.plan.file_text().encode()).hexdigest(),
             camera=self.plan.camera,
         )
 

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
     from markupsafe import Markup
 
-    from aspectgraph import Arc, EntityAspectGraph, Solid
+    from aspectgraph import EntityAspectGraph, Solid
     from planner.camera.camera import Camera
     from planner.light.light_plan import LightPlan
     from planner.plan import InspectionPlan
@@ -318,21 +318,52 @@ def drawn(
     return pieces
 
 
-def chord_circles(solid: Solid) -> dict[int, Arc]:
-    """Return the rim or arc of each chord, by the number of the edge in ``solid.edges``.
+class Circles(NamedTuple):
+    """Circles of a part.
+
+    Attributes
+    ----------
+    centre : ndarray, shape (n, 3)
+        In mm.
+    axis : ndarray, shape (n, 3)
+        Unit normal of its plane.
+    radius_mm : ndarray, shape (n,)
+    """
+
+    centre: NDArray[np.float64]
+    axis: NDArray[np.float64]
+    radius_mm: NDArray[np.float64]
+
+
+def chord_circles(solid: Solid) -> tuple[NDArray[np.int64], Circles]:
+    """Return which circle each edge is a chord of, and the circles.
 
     Parameters
     ----------
     solid : Solid
         The part.
+
+    Returns
+    -------
+    number : ndarray, shape (edges,)
+        Of each edge's circle; -1 for those that are no chords.
+    circles : Circles
+        Of all rims and arcs.
     """
-    number = {edge.id: k for k, edge in enumerate(solid.edges)}
+    position = {edge.id: k for k, edge in enumerate(solid.edges)}
     curves = (*solid.rims(), *solid.arcs())
-    return {number[edge]: curve for curve in curves for edge in curve.edge_ids}
+    number = np.full(len(solid.edges), -1)
+    for k, curve in enumerate(curves):
+        number[[position[edge_id] for edge_id in curve.edge_ids]] = k
+    return number, Circles(
+        np.array([curve.centre for curve in curves]).reshape(-1, 3),
+        np.array([curve.axis for curve in curves]).reshape(-1, 3),
+        np.array([curve.radius_mm for curve in curves]),
+    )
 
 
-def on_circle(
-    points_cam: NDArray[np.float64], circle: Arc, cam2world: NDArray[np.float64]
+def on_circles(
+    points_cam: NDArray[np.float64], circles: Circles, cam2world: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Move points along the radius of a circle onto it.
 
@@ -340,8 +371,8 @@ def on_circle(
     ----------
     points_cam : ndarray, shape (n, 3)
         Points in the camera's frame, mm.
-    circle : Arc
-        A rim or arc of the part.
+    circles : Circles
+        The circle of each point, of the part.
     cam2world : ndarray, shape (4, 4)
         Pose of the camera.
 
@@ -350,10 +381,12 @@ def on_circle(
     ndarray, shape (n, 3)
         Points in the part's frame, mm.
     """
-    from_centre = points_cam @ cam2world[:3, :3].T + cam2world[:3, 3] - circle.centre
-    across = from_centre - np.outer(from_centre @ circle.axis, circle.axis)
+    from_centre = points_cam @ cam2world[:3, :3].T + cam2world[:3, 3] - circles.centre
+    height = np.einsum("ni,ni->n", from_centre, circles.axis)
+    across = from_centre - height[:, None] * circles.axis
     distance = np.linalg.norm(across, axis=1, keepdims=True)
-    return np.asarray(circle.centre + circle.radius_mm * across / np.maximum(distance, 1e-300))
+    onto = circles.radius_mm[:, None] * across / np.maximum(distance, 1e-300)
+    return np.asarray(circles.centre + onto)
 
 
 # after Okabe and Ito (2008), and Tol (2021): told apart with any colour vision

@@ -627,13 +627,17 @@ def write_outputs(
         If they cannot be written. The folder is then as it was, or holds the whole plan without its graph.
     """
     deadline = deadline or Deadline()
+    ended = _ended_at(deadline.at(), progress)
+    # where the time is up, there is no graph to wait for
+    is_late = time.time() > deadline.at()
+    without = _joint_graph(regions, graph_limit, ended)[1] if is_late else []
     with staged_folder(folder, PLAN_FILES, "--out") as staging:
         plan.write(staging / "plan.json")
         page = make_report(
             plan,
             _space(plan, regions),
             progress,
-            notes,
+            [*notes, *without],
             date=(timestamp() if plan.made is None else plan.made.date).partition("T")[0],
             until=deadline.time_left(PICTURES_SHARE).until,
             cell=cell,
@@ -643,14 +647,15 @@ def write_outputs(
         (staging / "measurements.csv").write_bytes(plan.to_csv().encode())
         written = ["plan.json", "report.html", "measurements.csv"]
         poses = [str(path.relative_to(staging)) for path in write_poses(plan, staging)]
-    graph, without = _joint_graph(regions, graph_limit, _ended_at(deadline.at(), progress))
-    page.notes += without
-    with staged_folder(folder, ("report.html", "graph.graphml"), "--out") as staging:
-        if graph is not None:
-            page.draw_graph(graph, progress, until=deadline.at())
-            write_graphml(graph, staging / "graph.graphml")
-            written.append("graph.graphml")
-        (staging / "report.html").write_text(page.html(), encoding="utf-8")
+    if not is_late:
+        graph, without = _joint_graph(regions, graph_limit, ended)
+        page.notes += without
+        with staged_folder(folder, ("report.html", "graph.graphml"), "--out") as staging:
+            if graph is not None:
+                page.draw_graph(graph, progress, until=deadline.at())
+                write_graphml(graph, staging / "graph.graphml")
+                written.append("graph.graphml")
+            (staging / "report.html").write_text(page.html(), encoding="utf-8")
     left_out = [*notes, *page.left_out, *without]
     return Written([folder / name for name in (*written, *poses)], left_out)
 

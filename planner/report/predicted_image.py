@@ -9,7 +9,6 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -22,12 +21,12 @@ from ground.templates import render
 from planner.camera.camera import Camera, image_of, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.light.area_light import AreaLight
-from planner.report.figure import chord_circles, on_circle
+from planner.report.figure import Circles, chord_circles, on_circles
 
 if TYPE_CHECKING:
     from markupsafe import Markup
 
-    from aspectgraph import Arc, Solid
+    from aspectgraph import Solid
 
 
 _STEP_PX = 5.0
@@ -150,7 +149,7 @@ class PictureMaker:
         self._edge_vertices = np.array([edge.vertices for edge in solid.edges])
         self._edge_faces = np.array([edge.faces for edge in solid.edges])
         self._feature = np.array([is_feature(solid, edge) for edge in solid.edges])
-        self._circles = chord_circles(solid)
+        self._circle_of_edge, self._circles = chord_circles(solid)
 
     def image_svg(
         self,
@@ -272,8 +271,8 @@ class PictureMaker:
         """Return the visible edges as the data of an SVG path, for a picture of so many px from left to right."""
         return path_data(_joined(self.edge_lines(cam2world)), SIMPLER * width)
 
-    def edge_lines(self, cam2world: np.ndarray) -> list[np.ndarray]:
-        """Return the visible pieces of the part's edges, each (2, 2) in px.
+    def edge_lines(self, cam2world: np.ndarray) -> np.ndarray:
+        """Return the visible pieces of the part's edges in px, (n, 2, 2).
 
         Drawn are edges where the surface turns by 20 degrees or more, and outlines of smooth surfaces.
         """
@@ -288,67 +287,79 @@ class PictureMaker:
         outline = facing[:, 0] != facing[:, 1]
         drawn = np.flatnonzero(facing.any(axis=1) & (self._feature | outline))
         segments = world_to_cam(solid.vertices[self._edge_vertices[drawn]], cam2world)
-        sampled = [(k, self._sample(s)) for k, s in zip(drawn.tolist(), segments, strict=True)]
-        samples = [s for _, s in sampled if s is not None]
-        circles = [self._circles.get(k) for k, s in sampled if s is not None]
-        if not samples:
-            return []
-        visible = self._visible(cam2world, np.concatenate([s.points for s in samples]))
-        starts = np.cumsum([0] + [len(s.points) for s in samples])
-        pieces = []
-        for s, circle, a, b in zip(samples, circles, starts[:-1], starts[1:], strict=True):
-            runs = _runs(visible[a:b])
-            bent = self._curve(s, circle, cam2world)
-            if bent is None:
-                pieces += [s.pixels[[i, j]] for i, j in runs]
-            else:
-                pieces += [bent[[k, k + 1]] for i, j in runs for k in range(i, j)]
-        return pieces
+        sampled = self._sampled(segments)
+        if not len(sampled.segment):
+            return np.empty((0, 2, 2))
+        visible = self._visible(cam2world, sampled.points)
+        images, is_bent = self._images(sampled, drawn, cam2world)
+        # a sample and the next one of the same segment
+        together = visible[:-1] & visible[1:] & (sampled.segment[:-1] == sampled.segment[1:])
+        begins = np.flatnonzero(together & ~np.append(False, together[:-1]))
+        ends = np.flatnonzero(together & ~np.append(together[1:], False)) + 1
+        straight = ~is_bent[begins]
+        steps = np.flatnonzero(together & is_bent[:-1])
+        pieces = np.concatenate(
+            [
+                np.column_stack([begins, ends])[straight],
+                np.column_stack([steps, steps + 1]),
+            ]
+        )
+        return np.asarray(images[pieces[np.argsort(pieces[:, 0], kind="stable")]])
 
-    def _curve(self, sampled: _Sampled, circle: Arc | None, cam2world: np.ndarray) -> Any:
-        """Return the image (n, 2) of an edge's samples if it is curved: a chord lies on its circle; else None."""
-        points = sampled.points
-        if circle is not None:
-            points = world_to_cam(on_circle(points, circle, cam2world), cam2world)
-            image = self.project(points)
-            chord = sampled.pixels
-            if self.camera.distortion is None and np.abs(image - chord).max() < _STRAIGHT_PX:
-                return None
-            return image
-        return None if self.camera.distortion is None else self.project(points)
+    def _images(
+        self, sampled: _Sampled, drawn: np.ndarray, cam2world: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the images (m, 2) of samples of edges, and of which edges they lie on a curve: (m,) bool.
+
+        A chord lies on its circle, and is drawn straight where nobody sees the difference.
+        """
+        edges = drawn[sampled.segment]
+        places = self._circle_of_edge[edges]
+        is_chord = places >= 0
+        points = sampled.points.copy()
+        if is_chord.any():
+            circles = Circles(*(values[places[is_chord]] for values in self._circles))
+            moved = on_circles(points[is_chord], circles, cam2world)
+            points[is_chord] = world_to_cam(moved, cam2world)
+        if self.camera.distortion is not None:
+            return self.project(points), np.ones(len(points), bool)
+        images = np.where(is_chord[:, None], self.project(points), sampled.pixels)
+        off = np.abs(images - sampled.pixels).max(axis=1)
+        starts = np.flatnonzero(np.append(True, sampled.segment[1:] != sampled.segment[:-1]))
+        farthest = np.repeat(np.maximum.reduceat(off, starts), np.diff(np.append(starts, len(off))))
+        is_bent = farthest >= _STRAIGHT_PX
+        return np.where(is_bent[:, None], images, sampled.pixels), is_bent
 
     def visible(self, cam2world: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Return which points (n, 3) on the part, mm, no face hides from the camera; (n,) bool."""
         return self._visible(cam2world, world_to_cam(points, cam2world))
 
-    def _sample(self, segment_cam: np.ndarray) -> _Sampled | None:
-        """Clip a segment (2, 3) to the image and sample it evenly in pixels."""
-        segment = _clip_near(segment_cam)
-        if segment is None:
-            return None
+    def _sampled(self, segments_cam: np.ndarray) -> _Sampled:
+        """Clip segments (n, 2, 3) to the image and sample them evenly in pixels."""
+        in_front, segments = _clip_near(segments_cam)
         matrix = self.camera.matrix
         scale = np.diag(matrix)[:2]
         centre = matrix[:2, 2]
-        pixels = segment[:, :2] / segment[:, 2:] * scale + centre
-        # what is clipped is the undistorted image, where the segment is straight
-        lens = self.camera.distortion
-        sides = (
-            None
-            if lens is None
-            else np.array(self.camera.field().outer).reshape(2, 2) * scale + centre
-        )
-        low, high = (
-            (np.full(2, -0.5), np.array(self.camera.resolution) - 0.5) if sides is None else sides
-        )
-        span = _clip_rectangle(pixels, low, high)
-        if span is None:
-            return None
-        length = np.linalg.norm(pixels[1] - pixels[0]) * (span[1] - span[0])
-        s = np.linspace(*span, int(np.clip(length / _STEP_PX, 2, 500)) + 1)[:, None]
+        pixels = segments[..., :2] / segments[..., 2:] * scale + centre
+        low = np.full(2, -0.5)
+        high = np.array(self.camera.resolution) - 0.5
+        if self.camera.distortion is not None:
+            # what is clipped is the undistorted image, where segments are straight
+            low, high = np.array(self.camera.field().outer).reshape(2, 2) * scale + centre
+        inside, spans = _clip_rectangle(pixels, low, high)
+        length = np.linalg.norm(pixels[:, 1] - pixels[:, 0], axis=1) * (spans[:, 1] - spans[:, 0])
+        steps = np.clip(length / _STEP_PX, 2, 500).astype(int)
+        n_samples = np.where(inside, steps + 1, 0)
+        k = np.repeat(np.arange(len(segments)), n_samples)
+        rank = np.arange(len(k)) - np.repeat(np.cumsum(n_samples) - n_samples, n_samples)
+        share = rank / np.maximum(steps[k], 1)
+        s = ((1 - share) * spans[k, 0] + share * spans[k, 1])[:, None]
         # the inverse depth, not the depth, is linear along the image of a segment
-        inverse = (1 - s) / segment[0, 2] + s / segment[1, 2]
-        points = ((1 - s) * segment[0] / segment[0, 2] + s * segment[1] / segment[1, 2]) / inverse
-        return _Sampled(points, pixels[0] + s * (pixels[1] - pixels[0]))
+        begin, end = np.moveaxis(segments[k], 1, 0)
+        inverse = (1 - s) / begin[:, 2:] + s / end[:, 2:]
+        points = ((1 - s) * begin / begin[:, 2:] + s * end / end[:, 2:]) / inverse
+        first, last = np.moveaxis(pixels[k], 1, 0)
+        return _Sampled(in_front[k], points, first + s * (last - first))
 
     def _visible(self, cam2world: np.ndarray, points_cam: np.ndarray) -> np.ndarray:
         directions = points_cam @ cam2world[:3, :3].T
@@ -416,8 +427,20 @@ class PictureMaker:
         return grey
 
 
-@dataclass(frozen=True)
-class _Sampled:
+class _Sampled(NamedTuple):
+    """Samples of segments, one segment after the other.
+
+    Attributes
+    ----------
+    segment : ndarray of int, shape (m,)
+        Of which segment each sample is.
+    points : ndarray, shape (m, 3)
+        In the camera's frame, mm.
+    pixels : ndarray, shape (m, 2)
+        Where they are in the image without distortion, px.
+    """
+
+    segment: np.ndarray
     points: np.ndarray
     pixels: np.ndarray
 
@@ -485,39 +508,32 @@ def _free_line(taken: list[Any], u: float, v: float, size: float, length: float)
     return free
 
 
-def _runs(visible: np.ndarray) -> list[tuple[int, int]]:
-    """Return first and last index of every run of two or more visible samples."""
-    padded = np.concatenate([[False], visible, [False]]).astype(int)
-    changes = np.flatnonzero(np.diff(padded))
-    return [(a, b - 1) for a, b in zip(changes[::2], changes[1::2], strict=True) if b - a > 1]
-
-
-def _clip_near(segment: np.ndarray) -> np.ndarray | None:
-    """Clip a segment (2, 3) in the camera frame to what is in front of the camera."""
-    depth = segment[:, 2] - _NEAREST_MM
-    if (depth <= 0).all():
-        return None
-    if (depth >= 0).all():
-        return segment
-    crossing = segment[0] + depth[0] / (depth[0] - depth[1]) * (segment[1] - segment[0])
-    return np.array([segment[0], crossing] if depth[0] > 0 else [crossing, segment[1]])
+def _clip_near(segments: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Clip segments (n, 2, 3) in the camera frame; return which have a part in front of the camera, and these parts."""
+    depth = segments[..., 2] - _NEAREST_MM
+    in_front = np.flatnonzero((depth > 0).any(axis=1))
+    clipped = segments[in_front].copy()
+    depth = depth[in_front]
+    for behind in range(2):
+        rows = np.flatnonzero(depth[:, behind] < 0)
+        step = clipped[rows, 1] - clipped[rows, 0]
+        share = depth[rows, 0] / (depth[rows, 0] - depth[rows, 1])
+        clipped[rows, behind] = clipped[rows, 0] + share[:, None] * step
+    return in_front, clipped
 
 
 def _clip_rectangle(
     pixels: np.ndarray, lower: np.ndarray, upper: np.ndarray
-) -> tuple[float, float] | None:
-    """Return the parameter interval of a line (2, 2) inside a rectangle (Liang and Barsky 1984), or None."""
-    low = 0.0
-    high = 1.0
-    step = pixels[1] - pixels[0]
-    for i in range(2):
-        for sign, distance in ((-1.0, pixels[0, i] - lower[i]), (1.0, upper[i] - pixels[0, i])):
-            speed = sign * step[i]
-            if speed == 0:
-                if distance < 0:
-                    return None
-            elif speed > 0:
-                high = min(high, distance / speed)
-            else:
-                low = max(low, distance / speed)
-    return (low, high) if low < high else None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return which lines (n, 2, 2) meet a rectangle, and their parameters inside (n, 2) (Liang and Barsky 1984)."""
+    start = pixels[:, 0]
+    step = pixels[:, 1] - start
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossings = np.stack([(lower - start) / step, (upper - start) / step])
+    is_still = step == 0
+    outside = is_still & ((start < lower) | (start > upper))
+    enters = np.where(is_still, -np.inf, crossings.min(axis=0)).max(axis=1)
+    leaves = np.where(is_still, np.inf, crossings.max(axis=0)).min(axis=1)
+    spans = np.clip(np.column_stack([enters, leaves]), 0.0, 1.0)
+    inside = (spans[:, 0] < spans[:, 1]) & ~outside.any(axis=1)
+    return inside, spans

@@ -348,10 +348,11 @@ def resolve_wanted(
     entities: dict[str, Entity] = resolve_entities(solid, plain) if plain else {}
     labels = {_key(entity): name for name, entity in entities.items()}
     targets: list[Target] = []
+    curves = {arc.edge_ids: arc for arc in (*solid.rims(), *solid.arcs())}
     for name, item in items.items():
         if isinstance(item, Dimension):
             ways = _ways(solid, name, item, choice, (labels, entities))
-            targets.append(_dimension_target(solid, name, item, ways, accuracy, choice))
+            targets.append(_dimension_target(solid, name, item, ways, accuracy, choice, curves))
             continue
         entity = entities[name]
         if entity.kind == "edge" and entity.part is not None:
@@ -363,7 +364,8 @@ def resolve_wanted(
             targets.append(edge_target(name, entity.endpoints, EntityRecord.of(entity, name)))
             continue
         dimension = Dimension(_MEASURED_OF[entity.kind], (name,), accuracy=accuracy)
-        targets.append(_dimension_target(solid, name, dimension, [[entity]], accuracy, choice))
+        ways = [[entity]]
+        targets.append(_dimension_target(solid, name, dimension, ways, accuracy, choice, curves))
     needed = {
         entity for target in targets for witness in target.witnesses for entity in witness.entities
     }
@@ -443,9 +445,9 @@ def _dimension_target(
     ways: list[list[Entity]],
     accuracy: float,
     choice: WitnessChoice,
+    curves: Mapping[tuple[int, ...], Arc],
 ) -> PlannedDimension:
     """Return the target that a dimension is, given the entities of each of its witnesses."""
-    curves = {arc.edge_ids: arc for arc in (*solid.rims(), *solid.arcs())}
     try:
         values = [_value_of(solid, dimension, parts, curves) for parts in ways]
         ways, values = _without_other_stretches(dimension, ways, values)

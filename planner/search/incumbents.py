@@ -326,6 +326,8 @@ class SearchRun:
 
 # number of viewing directions per entity, for each of the first plans
 _GLANCES = (4, 32)
+# pairs of a pose and an entity that are judged for one of them at most: of hundreds of entities, a part of the poses
+_GLANCE_PAIRS = 200_000
 # steps of the exchange search for a cover of one column less
 _EXCHANGES = 1000
 # largest number of covers that are simulated. Each omits the edges contradicted before.
@@ -606,7 +608,12 @@ class SupportedColumns:
                 break
             begun = time.monotonic()
             untried = [c for c in new if _key(run, pool, c) not in self._tried]
-            for i, _ in enumerate(run.simulate(candidate_settings(run, pool, untried)), 1):
+            # if the time is up on the way, those tried show most
+            untried.sort(key=membership.sum(axis=1).tolist().__getitem__, reverse=True)
+            candidates = candidate_settings(run, pool, untried)
+            for i, setting in enumerate(run.simulate(candidates), 1):
+                self._try(run, setting)
+                run.callbacks.deadline.arm_soon()
                 # what is soon done needs no line
                 if time.monotonic() - begun > SILENT_S:
                     run.callbacks.report(i, len(untried), "checked poses")
@@ -648,11 +655,26 @@ class SupportedColumns:
         """Return which entities (k,) of a column simulation supports; it is tried if it was not."""
         key = _key(run, pool, c)
         if key not in self._tried:
-            supported = as_simulated(run, candidate_settings(run, pool, [c]))
+            self._try(run, candidate_settings(run, pool, [c])[0])
+        return np.isin(run.names, _entities(self._tried[key]))
+
+    def _try(self, run: SearchRun, setting: SensorSetting) -> None:
+        """Remember what simulation supports of a candidate pose."""
+        key = setting.cam2world.tobytes(), setting.entities
+        if key not in self._tried:
+            supported = as_simulated(run, [setting])
             tried = supported[0] if supported else None
             self._tried[key] = tried
             self._in_vain.update(set(key[1]) - set(_entities(tried)))
-        return np.isin(run.names, _entities(self._tried[key]))
+
+    def cover_of_tried(self, run: SearchRun) -> list[SensorSetting]:
+        """Return few of the poses tried so far, for as many entities as these show."""
+        settings = [setting for setting in self._tried.values() if setting is not None]
+        if not settings:
+            return []
+        membership = np.array([np.isin(run.names, setting.entities) for setting in settings])
+        chosen = _short_cover(membership, (0, 0), run.rng("incumbent"), _EXCHANGES)
+        return [] if chosen is None else [settings[k] for k in chosen.tolist()]
 
     def _as_settings(
         self, run: SearchRun, pool: ColumnPool, chosen: NDArray[np.int_]
@@ -802,7 +824,7 @@ class Incumbents:
             if each * directions > deadline.glance_s():
                 break
             pool = ColumnPool(len(run.names))
-            poses = first_poses(run.judge, directions, run.seed)
+            poses = _evenly(first_poses(run.judge, directions, run.seed), len(run.names))
             judged = self._judged_in_parts(run, poses)
             pool.add(judged.inspects, poses, judged.probability)
             self._offer(run, pool, covers=1)
@@ -875,11 +897,13 @@ class Incumbents:
             self.on_bound(run, _of_exclusion(run, run.state.incompatible))
 
     def latest(self, run: SearchRun) -> InspectionPlan:
-        """Return the best plan, or one without settings if there is none yet."""
-        if self.best is not None:
+        """Return the best plan, or one of the poses tried so far where that is better; it may have no settings."""
+        settings = self._columns.cover_of_tried(run)
+        needed = self.proven(run, settings)
+        plan = assembled(run, settings, needed.n, needed.proof, unfinished=True)
+        if self.best is not None and _worth(self.best) >= _worth(plan):
             return self.best
-        needed = self.proven(run, [])
-        return assembled(run, [], needed.n, needed.proof, unfinished=True)
+        return needed.stated_in(plan)
 
     def publish(self, plan: InspectionPlan) -> None:
         """Take in the plan of the whole run, and tell of it."""
@@ -896,6 +920,14 @@ class Incumbents:
             return of_whole
         proofs = [] if self._proof_of_ends is None else [self._proof_of_ends]
         return _largest(proofs, seen)._replace(of_whole=of_whole.n)
+
+
+def _evenly(poses: NDArray[np.float64], n_entities: int) -> NDArray[np.float64]:
+    """Return as many poses, evenly, as are judged for so many entities at a glance."""
+    n_poses = max(_GLANCE_PAIRS // n_entities, 1)
+    if len(poses) <= n_poses:
+        return poses
+    return poses[np.linspace(0, len(poses) - 1, n_poses).astype(int)]
 
 
 def _of_exclusion(run: SearchRun, names: Sequence[str]) -> ProvenBound:

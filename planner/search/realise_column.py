@@ -587,7 +587,8 @@ def centre_setting(
     settings : int
         How many settings share the trials that a plan may make.
     until : float
-        When the search ends, as `time.time` counts: a setting whose turn comes later stays where it is.
+        When the search ends, as `time.time` counts: a setting whose turn comes later stays where it is, and is counted
+        only if it was not.
 
     Returns
     -------
@@ -596,6 +597,8 @@ def centre_setting(
     """
     judge: Judge = shared.value
     late = time.time() > until
+    if late and is_counted(setting):
+        return setting
     loses = _Losses(judge, setting, seed, centring.give_up)
     for pose in () if late else _off_limits(judge, setting, seed, centring):
         if time.time() > until:
@@ -607,6 +610,11 @@ def centre_setting(
             setting = best_supported(judge, [moved, setting], seed, settings).setting
             break
     return with_p_all(judge, setting, seed, poses)
+
+
+def is_counted(setting: SensorSetting) -> bool:
+    """Return whether a setting states the P_all of all its targets."""
+    return set(setting.entities) <= set(setting.p_all)
 
 
 def _off_limits(

@@ -21,6 +21,7 @@ from planner.argument_kinds import check_count
 from planner.camera.camera import Camera, image_of, undistorted_px
 from planner.camera.pose import PoseUncertainty, world_to_cam
 from planner.exceptions import RequestError
+from planner.executors import check_on_the_way
 from planner.plan_file import Count, Draws, Fraction, Share
 from planner.request.camera_limits import NO_RESERVE
 from planner.request.constraints import Constraints, Requirements
@@ -1110,6 +1111,7 @@ class DisplacedChecks:
         failures = {kind: np.zeros(k, dtype=int) for kind in (*CONDITIONS, "error")}
         together = 0
         for start in range(0, n, _POSES_AT_ONCE):
+            check_on_the_way()
             size = min(_POSES_AT_ONCE, n - start)
             poses = displaced_poses(cam2world, problem.pose_uncertainty, size, rng)
             valid = np.ones((size, k), dtype=bool)

@@ -407,7 +407,7 @@ def _distance(p, a, b):
 
 def test_lines_are_cut_off_at_the_image_and_at_the_camera():
     lines, _ = lines_from((40.0, 25.0, 75.0))
-    assert lines == []
+    assert len(lines) == 0
     lines, _ = lines_from((-20.0, 25.0, 90.0), target=(80.0, 25.0, 60.0))
     pixels = np.array(lines)
     assert len(pixels)

@@ -32,6 +32,7 @@ from planner.detectability.conditions import NOT_ASKED
 from planner.exceptions import RequestError
 from planner.light.light_plan import LightPlan
 from planner.plan import InspectionPlan, read_plan
+from planner.progress import TimeIsUpError
 from planner.report.tables import nearest_limits
 from planner.request.camera_limits import default_workspace
 from planner.request.problem import Problem
@@ -254,10 +255,10 @@ class World:
         self.pool.poses = np.tile(np.eye(4), (len(self.promised), 1, 1))
         # tells the columns apart
         self.pool.poses[:, 0, 3] = np.arange(len(self.promised))
-        monkeypatch.setattr(
-            supported_columns, "candidate_settings", lambda run, pool, columns: list(columns)
-        )
+        monkeypatch.setattr(supported_columns, "candidate_settings", self.candidates)
         monkeypatch.setattr(supported_columns, "as_simulated", self.simulated)
+        # after so many columns the time is up
+        self.n_in_time = math.inf
 
     def rng(self, purpose):
         return np.random.default_rng(0)
@@ -265,12 +266,21 @@ class World:
     def names_of(self, column):
         return tuple(np.array(self.names)[column].tolist())
 
-    def simulate(self, columns):
-        # what is found beforehand is taken from here by `simulated`
-        return iter(columns)
+    def candidates(self, run, pool, columns):
+        return [
+            SimpleNamespace(cam2world=pool.poses[c], entities=self.names_of(self.promised[c]))
+            for c in columns
+        ]
 
-    def simulated(self, run, columns):
-        (c,) = columns
+    def simulate(self, settings):
+        # what is found beforehand is taken from here by `simulated`
+        for k, tried in enumerate(settings):
+            if k >= self.n_in_time:
+                raise TimeIsUpError
+            yield tried
+
+    def simulated(self, run, settings):
+        c = int(settings[0].cam2world[0, 3])
         self.tries[c] += 1
         names = self.names_of(self.truth[c])
         return [SimpleNamespace(entities=names)] if names else []
@@ -325,6 +335,20 @@ def test_what_was_tried_once_is_known(seed, monkeypatch):
     again = columns.cover(world, world.pool, (worth[0], worth[1] - 1))
     assert (len(reached(again)), len(again)) == (worth[0], -worth[1])
     assert set(world.tries.values()) == {1}
+
+
+def test_when_the_time_is_up_the_poses_tried_are_still_of_use(monkeypatch):
+    """Those that promise most come first, so that a part of them shows much."""
+    promised = [[1, 0, 0, 0, 0, 0], [0, 1, 1, 1, 0, 0], [0, 0, 0, 0, 1, 1]]
+    supported = [[1, 0, 0, 0, 0, 0], [0, 1, 1, 0, 0, 0], [0, 0, 0, 0, 1, 1]]
+    world = World(promised, supported, monkeypatch)
+    world.n_in_time = 2
+    columns = SupportedColumns()
+    assert columns.cover_of_tried(world) == []
+    with pytest.raises(TimeIsUpError):
+        columns.cover(world, world.pool, (0, 0))
+    assert list(world.tries) == [1, 2]
+    assert reached(columns.cover_of_tried(world)) == {"e1", "e2", "e4", "e5"}
 
 
 def test_where_all_is_supported_not_a_column_more_is_tried(monkeypatch):
