@@ -268,7 +268,7 @@ class PlanTables(ShownInNotebook):
         total = len(self.targets)
         shown = total - len(self.uninspectable) - len(self.unlit)
         settings = "1 setting" if len(self.settings) == 1 else f"{len(self.settings)} settings"
-        dark = f" with the {len(self.unlit)} without light" if self.unlit else ""
+        dark = f", with the {len(self.unlit)} that no lamp shows" if self.unlit else ""
         return (
             f"{self.part or 'part'}: {shown} of {total} inspected in {settings} (at least "
             f"{self.lower_bound} needed{dark}), A = {self.accuracy:g}, P ≥ {self.probability:g}"

@@ -32,6 +32,7 @@ ROUGH = (
 )
 OUTSIDE = "check the pose: the edge leaves the image"
 ANOTHER = "nothing of the part is where it should be: is it an image of this part and setting?"
+UNLIT = "move a lamp or add one: the plan has none that shows it here"
 HIDDEN = "measure it from another view: the part hides it here"
 
 # of samples that are lost in the likeliest way; blur makes others
@@ -110,7 +111,9 @@ def brightness(picture: Picture, places: NDArray[np.float64]) -> float:
     return float(np.quantile(picture.grey[v, u], _BRIGHT)) / picture.white
 
 
-def advised(reading: Reading, picture: Picture, blur_px: float) -> Reading:
+def advised(
+    reading: Reading, picture: Picture, blur_px: float, *, is_unlit: bool = False
+) -> Reading:
     """Return a reading that says what to change if it has no value.
 
     Parameters
@@ -121,11 +124,13 @@ def advised(reading: Reading, picture: Picture, blur_px: float) -> Reading:
         Its image.
     blur_px : float
         Blur across edges of the image; nan if it is not known.
+    is_unlit : bool
+        Whether the plan says that no lamp shows its target there.
     """
     if reading.measured or not reading.points:
         return reading
     places = np.concatenate([np.c_[points["u"], points["v"]] for points in reading.points])
-    advice = advice_of(reading.counts, picture, places, blur_px)
+    advice = UNLIT if is_unlit else advice_of(reading.counts, picture, places, blur_px)
     return replace(reading, advice=MOVED if reading.moved else advice)
 
 

@@ -611,11 +611,16 @@ class Measurer:
                     for pictures in response.others
                 ]
                 picture = response.pictures[shot.name]
+                light = self.plan.light
+                dark = {} if light is None else light.unlit[shot.setting]
                 image_readings = self._read(shot, picture, known, options)
                 for i, reading in enumerate(image_readings):
                     alike = [bent_readings[i] for bent_readings in others]
                     reading = response.counted(reading, alike)
-                    readings[reading.name].append(advised(reading, picture, pose.blur_px))
+                    is_unlit = reading.name in dark
+                    readings[reading.name].append(
+                        advised(reading, picture, pose.blur_px, is_unlit=is_unlit)
+                    )
         return readings
 
     def _joined(

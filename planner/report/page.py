@@ -860,7 +860,8 @@ def _bound_label(plan: InspectionPlan) -> str:
     if plan.complete and not plan.unlit:
         return label
     if plan.unlit:
-        return f"{label} for the {len(plan.inspected)} that poses inspect{dark_note(plan)}"
+        seen = count(len(plan.inspected), *_nouns(plan))
+        return f"{label} for the {seen} that poses inspect{dark_note(plan)}"
     return f"{label} for the inspected {_nouns(plan)[len(plan.inspected) > 1]}"
 
 

@@ -96,7 +96,7 @@ def bound_sentence(
         inspected_nouns = (f"inspected {nouns[0]}", f"inspected {nouns[1]}")
         scope = f" for the {count(inspected, *inspected_nouns)}"
         if plan.unlit:
-            scope = f" for the {inspected} that poses inspect{dark_note(plan)}"
+            scope = f" for the {count(inspected, *nouns)} that poses inspect{dark_note(plan)}"
     if plan.request.poses is not None:
         number = count(len(plan.request.poses), "given pose")
         others = " Other poses may do with fewer." if n > 1 else ""
@@ -121,7 +121,7 @@ def dark_note(plan: InspectionPlan) -> str:
     """Say that a bound counts targets that no lamp shows, since it is about poses; nothing without such."""
     if not plan.unlit:
         return ""
-    return f", {len(plan.unlit)} of them without light"
+    return f", of which no lamp shows {len(plan.unlit)}"
 
 
 def given_text(plan: InspectionPlan) -> str:
@@ -594,7 +594,8 @@ def brief_verdict(plan: InspectionPlan) -> str:
         bound = f"; at least {plan.lower_bound} {'is' if plan.lower_bound == 1 else 'are'} needed"
         head += ", proven to be the fewest" if plan.minimal else bound + _whole_bound_text(plan)
         if plan.unlit:
-            head += f" for the {len(plan.inspected)} that poses inspect{dark_note(plan)}"
+            seen = count(len(plan.inspected), *words_of(plan.targets).items)
+            head += f" for the {seen} that poses inspect{dark_note(plan)}"
         elif not plan.complete:
             head += " for these" if len(plan.inspected) > 1 else " for this one"
     sentences = [f"{head}.", dark_sentence(plan), features_sentence(plan)]

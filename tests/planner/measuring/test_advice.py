@@ -1,10 +1,12 @@
 """What is said where an image or a reading fails: each cause is made in an image, and must be named."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from measured_plate import CAMERA, POSES, fine_plate, measured_plan, photograph, thick_plate
 
-from planner import MeasureOptions, Registration, measure
+from planner import LightPlan, LitImage, MeasureOptions, Registration, measure
 from planner.measuring import advice
 from planner.measuring.images import Picture
 from planner.measuring.measurer import Measurer
@@ -78,6 +80,27 @@ def test_an_edge_that_is_nowhere_has_moved(solid, image):
     assert results.to_dict()["results"][0]["advice"] == advice.MOVED
     assert results.rows()[0]["advice"] == advice.MOVED
     assert "moved" not in results.to_dict()["results"][0]["readings"][0]
+
+
+def test_what_no_planned_lamp_shows_is_not_to_be_exposed_longer(solid, image, monkeypatch):
+    made = measured_plan(solid, ["left", "right"], settings=1)
+    (reading,) = measure(made, solid, {1: image})["left"].readings
+    lost = replace(reading, value=np.nan, reason="in the dark", counts={"weak": 30})
+    assert "times as long" in advice.advised(lost, grey_picture(5), 0.5).advice
+    assert advice.advised(lost, grey_picture(5), 0.5, is_unlit=True).advice == advice.UNLIT
+    asked = {}
+
+    def recorded(reading, *_, is_unlit):
+        asked[reading.name] = is_unlit
+        return reading
+
+    monkeypatch.setattr("planner.measuring.measurer.advised", recorded)
+    lit = LitImage((0,), {"right": 0.5})
+    place = POSES[:1, :3, 3]
+    unlit = ({"left": "in the shadow"},)
+    light = LightPlan("placed", 0.1, 0.05, "dark", place, ((lit,),), unlit, 1, "by hand")
+    measure(replace(made, light=light), solid, {1: image})
+    assert asked == {"left": True, "right": False}
 
 
 def test_an_image_that_fails_says_what_to_change(solid, image):

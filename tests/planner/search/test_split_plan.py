@@ -481,7 +481,8 @@ def test_a_split_value_says_why_its_image_cannot_be_used(solid, plan):
 
 
 def test_rendered_holes_lie_within_u_of_their_positions(solid, bolt_plan):
-    for seed in (0, 1, 2):
+    # `benchmarks/images/rendered_positions.py` counts over hundreds of draws
+    for seed in (0, 1):
         rehearsal = Rehearsal(bolt_plan, solid, seed=seed)
         images = {rendered.shot.name: rendered.grey for rendered in rehearsal.images()}
         bolt = measure(bolt_plan, solid, images)["bolt"]
