@@ -627,10 +627,9 @@ def write_outputs(
         If they cannot be written. The folder is then as it was, or holds the whole plan without its graph.
     """
     deadline = deadline or Deadline()
-    ended = _ended_at(deadline.at(), progress)
     # where the time is up, there is no graph to wait for
     is_late = time.time() > deadline.at()
-    without = _joint_graph(regions, graph_limit, ended)[1] if is_late else []
+    without = _graph_in_time(regions, graph_limit, deadline, progress)[1] if is_late else []
     with staged_folder(folder, PLAN_FILES, "--out") as staging:
         plan.write(staging / "plan.json")
         page = make_report(
@@ -648,7 +647,7 @@ def write_outputs(
         written = ["plan.json", "report.html", "measurements.csv"]
         poses = [str(path.relative_to(staging)) for path in write_poses(plan, staging)]
     if not is_late:
-        graph, without = _joint_graph(regions, graph_limit, ended)
+        graph, without = _graph_in_time(regions, graph_limit, deadline, progress)
         page.notes += without
         with staged_folder(folder, ("report.html", "graph.graphml"), "--out") as staging:
             if graph is not None:
@@ -658,6 +657,16 @@ def write_outputs(
             (staging / "report.html").write_text(page.html(), encoding="utf-8")
     left_out = [*notes, *page.left_out, *without]
     return Written([folder / name for name in (*written, *poses)], left_out)
+
+
+def _graph_in_time(
+    regions: VisibilityRegions,
+    graph_limit: int | None,
+    deadline: Deadline,
+    progress: Progress | None,
+) -> tuple[EntityAspectGraph | None, list[str]]:
+    """Return what `_joint_graph` returns, which ends with the time."""
+    return _joint_graph(regions, graph_limit, _ended_at(deadline.at(), progress))
 
 
 def _joint_graph(

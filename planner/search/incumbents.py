@@ -899,10 +899,11 @@ class Incumbents:
     def latest(self, run: SearchRun) -> InspectionPlan:
         """Return the best plan, or one of the poses tried so far where that is better; it may have no settings."""
         settings = self._columns.cover_of_tried(run)
+        names = {name for setting in settings for name in setting.entities}
+        if self.best is not None and _worth(self.best) >= (len(names), -len(settings)):
+            return self.best
         needed = self.proven(run, settings)
         plan = assembled(run, settings, needed.n, needed.proof, unfinished=True)
-        if self.best is not None and _worth(self.best) >= _worth(plan):
-            return self.best
         return needed.stated_in(plan)
 
     def publish(self, plan: InspectionPlan) -> None:
