@@ -79,7 +79,7 @@ _Point = tuple[int, int]
 # vertices that are looked at before the next ones are converted
 _AT_ONCE = 64
 # planes whose surroundings are kept: the two sides of a plate, and the floors of its pockets
-_LEVELS = 32
+_LEVELS = 16
 
 
 class Disc(NamedTuple):
@@ -108,7 +108,7 @@ def free_disc(scene: Scene, solid: Solid, entity: Entity) -> Disc | None:
     plane = _common_plane(scene, solid, entity, corners)
     if plane is None:
         return None
-    level = _level(_Surface(scene, solid), *plane.tolist())
+    level = _level(_made_once(_Surface(scene, solid)), *plane.tolist())
     outline = _counter_clockwise([(x, y) for x, y in level.flat[corners].tolist()])
     if outline is None:
         return None
@@ -208,6 +208,11 @@ class _Surface:
         return np.array([edge.vertices for edge in self.solid.edges])
 
     @cached_property
+    def flat(self) -> list[np.ndarray]:
+        """All vertices without one coordinate, int64, (n, 2): the first, the second, the third."""
+        return [np.delete(self.scene.points, axis, axis=1) for axis in range(3)]
+
+    @cached_property
     def shell_vertices(self) -> list[np.ndarray]:
         """For each shell, the numbers of its vertices, in order."""
         pieces = self.scene.pieces
@@ -248,9 +253,8 @@ class _Level:
 
     def __init__(self, surface: _Surface, plane: np.ndarray) -> None:
         scene = surface.scene
-        axis = int(np.abs(plane[:3]).argmax())
         self.plane = plane
-        self.flat = np.delete(scene.points, axis, axis=1)
+        self.flat = surface.flat[int(np.abs(plane[:3]).argmax())]
         self.heights = _heights(scene.points, plane, scene.resolution)
         self.crossing, self.crossing_box = self._pieces_across(scene, len(surface.solid.faces))
         ends = surface.edge_ends
@@ -280,6 +284,12 @@ class _Level:
         )
         across = np.flatnonzero(both & (low <= 0) & (high >= 0))
         return across, box[across]
+
+
+@lru_cache(maxsize=1)
+def _made_once(surface: _Surface) -> _Surface:
+    """Return the first of equal surfaces, so that all rims of a part share its arrays."""
+    return surface
 
 
 @lru_cache(maxsize=_LEVELS)
