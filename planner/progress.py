@@ -240,7 +240,11 @@ def loading_shown(begun: float) -> Iterator[None]:
 
 @contextmanager
 def reading_shown(
-    *, quiet: bool = False, lines: bool = False, begun: float | None = None
+    *,
+    quiet: bool = False,
+    lines: bool = False,
+    begun: float | None = None,
+    most_silent_s: float | None = None,
 ) -> Iterator[None]:
     """Show what reading a part is busy with: bars on a terminal until it is read, otherwise lines.
 
@@ -252,6 +256,8 @@ def reading_shown(
         Show nothing.
     lines : bool
         Lines on standard error for everything, also on a terminal. Without them, lines only tell of what takes long.
+    most_silent_s : float, optional
+        As `terminal_progress` takes it.
     """
     if quiet:
         yield
@@ -264,7 +270,8 @@ def reading_shown(
             yield
         return
     stream = _LineStream(sys.stderr)
-    with _Waiting(stream, all_told=lines, begun=begun) as waiting, phases_reported_to(waiting):
+    lines_shown = _Waiting(stream, all_told=lines, begun=begun, most_silent_s=most_silent_s)
+    with lines_shown as waiting, phases_reported_to(waiting):
         yield
 
 
@@ -296,7 +303,11 @@ class _Waiting:
         self._all_told = all_told
         self._state: tuple[int, int, str] | None = None
         self._since = time.monotonic() if begun is None else begun
-        self._pause = _FIRST_WORD_S
+        # another stage may have been silent before
+        self._first = (
+            _FIRST_WORD_S if most_silent_s is None else min(_FIRST_WATCHED_S, most_silent_s)
+        )
+        self._pause = self._first
         self._next = self._since + self._pause
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._tell, daemon=True)
@@ -313,7 +324,7 @@ class _Waiting:
         if self._state is not None and label != self._state[2]:
             self._since = time.monotonic()
             # a stage is named soon after it begins, however long the one before was
-            self._pause = _FIRST_WORD_S
+            self._pause = self._first
             self._next = min(self._next, self._since + self._pause)
         self._state = (done, total, label)
         if self._all_told:
@@ -415,6 +426,9 @@ _LONG_S = 20.0
 # on, at least so often
 _FIRST_WORD_S = 2.0
 _MOST_SILENT_S = 30.0
+# the same where the time is limited, which whoever set the limit watches; and before its first line
+WATCHED_S = 2.0
+_FIRST_WATCHED_S = 0.5
 # what is done between other work, of which nobody knows how much there is: no pace is told of it
 LOOPS = "compiling loops"
 # what other processes do meanwhile

@@ -17,6 +17,7 @@ from aspectgraph import (
 )
 from aspectgraph.entities.entity_rules import check_selection, parse_names
 from aspectgraph.light import check_contrast
+from aspectgraph.phases import phase
 from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
@@ -34,7 +35,14 @@ from planner.app.options import (
     Predict,
     Workspace,
 )
-from planner.app.part import read_as, read_in_time, read_limits, read_part, reading_of
+from planner.app.part import (
+    read_as,
+    read_in_time,
+    read_limits,
+    read_part,
+    reading_of,
+    shown_reading,
+)
 from planner.app.quantities import localisation_words
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import Detectability
@@ -56,7 +64,6 @@ from planner.light.mounted_light import MOUNTED
 from planner.light_catalogue import light_facts
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
-from planner.progress import reading_shown
 from planner.request.camera_limits import default_workspace
 from planner.request.dimension_files import SURFACES_MM, read_wanted
 from planner.request.resolve import resolve_wanted, with_places
@@ -66,6 +73,9 @@ if TYPE_CHECKING:
     from aspectgraph import Entity, Solid
     from planner.pose_files import PoseFile
     from planner.robotcell import Cell
+
+
+_RESOLVE = "resolve the targets"
 
 
 # The cell of a plan, from its file.
@@ -338,7 +348,7 @@ def _wanted_dimensions(
     left_out: dict[str, str] = {}
     items: Mapping[str, Any]
     if all_of_model(options):
-        with reading_shown(quiet=options.quiet, lines=options.verbose), read_in_time(options):
+        with shown_reading(options), read_in_time(options):
             stated = stated_dimensions(options.part, solid, read_limits(options))
         items, left_out = choice_of(options).chosen(stated, options.part)
     else:
@@ -346,7 +356,8 @@ def _wanted_dimensions(
             solid, read_wanted(Path(str(options.dimensions)), kinds(), options.share)
         )
     rounded = localisation.model == "rounding"
-    entities, _ = resolve_wanted(solid, items, options.accuracy, as_lengths=not rounded)
+    with shown_reading(options), phase(_RESOLVE):
+        entities, _ = resolve_wanted(solid, items, options.accuracy, as_lengths=not rounded)
     return JobTargets(items, entities, localisation, left_out)
 
 
@@ -526,7 +537,8 @@ def read_job(options: Plan) -> Job:
         cell=cell,
         poses=None if pose_file is None else pose_file.poses,
     )
-    request, entities = resolve_request(solid, targets.items, camera, uncertainty, plan_options)
+    with shown_reading(options), phase(_RESOLVE):
+        request, entities = resolve_request(solid, targets.items, camera, uncertainty, plan_options)
     if options.give_up is not None:
         # the usual effort depends on what is measured
         request = replace(request, effort=request.effort.giving_up(options.give_up))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,7 @@ from planner.app.process import DONE
 from planner.callbacks import KEPT_LIMIT_S
 from planner.exceptions import RequestError
 from planner.files import print_json
-from planner.progress import reading_shown, visible
+from planner.progress import WATCHED_S, reading_shown, visible
 from planner.report.part_tables import part_record, print_part, print_solids, solid_records
 from planner.text_table import print_text
 
@@ -60,8 +60,28 @@ def check_nothing_read(options: PartReading) -> None:
 
 def read_part(part: str, options: PartReading) -> Solid:
     """Read the part; an error names the file."""
-    with reading_shown(quiet=options.quiet, lines=options.verbose, begun=options.begun):
+    with shown_reading(options, begun=options.begun):
         return read_as(part, reading_of(options), options)
+
+
+def shown_reading(
+    options: PartReading, *, begun: float | None = None
+) -> AbstractContextManager[None]:
+    """Return `reading_shown` as the options of a command ask for it: in steady steps where the time is limited.
+
+    Parameters
+    ----------
+    options : PartReading
+        Of the command.
+    begun : float, optional
+        As `reading_shown` takes it.
+    """
+    return reading_shown(
+        quiet=options.quiet,
+        lines=options.verbose,
+        begun=begun,
+        most_silent_s=None if _kept_limit(options) is None else WATCHED_S,
+    )
 
 
 @contextmanager
@@ -124,7 +144,7 @@ def read_as(part: str, reading: dict[str, Any], options: PartReading) -> Solid:
 def read_solid_list(part: str, options: PartReading) -> tuple[SolidEntry, ...]:
     """List the solids of a STEP file; an error names the file."""
     with (
-        reading_shown(quiet=options.quiet, lines=options.verbose, begun=options.begun),
+        shown_reading(options, begun=options.begun),
         _naming_part(part, options),
     ):
         return list_solids(part, limits=read_limits(options))

@@ -89,6 +89,7 @@ from planner.optics import (
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import (
+    WATCHED_S,
     Progress,
     labelled,
     note,
@@ -599,10 +600,6 @@ class _CommandWork(FolderWork):
         return OutputError(f"{error} {rescue(plan, self.state)}")
 
 
-# who has limited the time watches it: seconds between two lines
-_MOST_SILENT_S = 2.0
-
-
 def _planned(options: Plan, job: Job, leftovers: Leftovers) -> tuple[InspectionPlan, Written, bool]:
     """Plan and write; return plan, files, and whether it was interrupted."""
     limited = options.time_limit is not None
@@ -611,7 +608,7 @@ def _planned(options: Plan, job: Job, leftovers: Leftovers) -> tuple[InspectionP
             quiet=options.quiet,
             lines=options.verbose,
             waiting=limited,
-            most_silent_s=_MOST_SILENT_S if limited else None,
+            most_silent_s=WATCHED_S if limited else None,
         ) as progress,
         _executor(options.jobs) as executor,
     ):

@@ -147,6 +147,34 @@ def least_slacks(slacks: np.ndarray, first: np.ndarray) -> np.ndarray:
     return out
 
 
+def image_margins(
+    lens: Lens, segments: np.ndarray, resolved: np.ndarray, first: np.ndarray, cam2world: np.ndarray
+) -> np.ndarray:
+    """Return the least slacks of resolution, focus and field of view of each item (n, k, 3): what `image_slacks` says.
+
+    A search asks for these most often by far, so they take one compiled pass without arrays in between.
+
+    Parameters
+    ----------
+    lens : Lens
+        What is asked.
+    segments : array (s, 2, 3)
+        Of all items, mm.
+    resolved : array of bool (s,)
+        Which of their images must be long enough.
+    first : array of int (k,)
+        The items' first segments.
+    cam2world : array (n, 4, 4)
+        Poses.
+    """
+    out = np.empty((len(cam2world), len(first), 3))
+    ends = np.append(first, len(segments))
+    # one kind of arrays, so that the pass is compiled once
+    poses = np.array(cam2world, dtype=np.float64, order="C").reshape(-1, 4, 4)
+    _image_margins(lens, np.array(segments), np.array(resolved), ends, poses, out)
+    return out
+
+
 def resolution_slacks(camera: Camera, ends_cam: np.ndarray, min_length_mm: float) -> np.ndarray:
     """Eq 16: length of each entity's image minus the smallest allowed, mm on the sensor; (n, k, 1)."""
     return image_slacks(Lens.of(camera, min_length_mm=min_length_mm), ends_cam)[..., RESOLUTION]
@@ -187,29 +215,67 @@ def _focus_margin(least, reserve, x, y):
 def _image_slacks(lens, ends_cam, out):
     for i in range(ends_cam.shape[0]):
         for j in range(ends_cam.shape[1]):
-            a = ends_cam[i, j, 0]
-            b = ends_cam[i, j, 1]
-            row = out[i, j]
-            length = 0.0
-            if a[2] > 0.0 and b[2] > 0.0:
-                x = a[0] * b[2] - b[0] * a[2]
-                y = a[1] * b[2] - b[1] * a[2]
-                length = lens.image_distance_mm * math.hypot(x, y) / (a[2] * b[2])
-            row[0] = length - lens.min_length_mm
-            for e in range(2):
-                x, y, z = ends_cam[i, j, e]
-                margin = _focus_margin(lens.focus_margin_mm, lens.reserve, x, y)
-                row[1 + e] = z - (lens.nearest_mm + margin)
-                row[3 + e] = (lens.farthest_mm - margin) - z
-                if z <= 0.0:
-                    row[5 + e] = row[7 + e] = row[9 + e] = row[11 + e] = _NOT_IMAGED_PX
-                    continue
-                u = lens.scale_x_px * x / z + lens.centre_x_px
-                v = lens.scale_y_px * y / z + lens.centre_y_px
-                row[5 + e] = u - lens.left_px - lens.margin_px
-                row[7 + e] = lens.right_px - u - lens.margin_px
-                row[9 + e] = v - lens.top_px - lens.margin_px
-                row[11 + e] = lens.bottom_px - v - lens.margin_px
+            _segment_slacks(lens, ends_cam[i, j, 0], ends_cam[i, j, 1], out[i, j])
+
+
+@kernel(error_model="numpy")
+def _segment_slacks(lens, a, b, row):
+    length = 0.0
+    if a[2] > 0.0 and b[2] > 0.0:
+        x = a[0] * b[2] - b[0] * a[2]
+        y = a[1] * b[2] - b[1] * a[2]
+        length = lens.image_distance_mm * math.hypot(x, y) / (a[2] * b[2])
+    row[0] = length - lens.min_length_mm
+    for e in range(2):
+        x, y, z = a if e == 0 else b
+        margin = _focus_margin(lens.focus_margin_mm, lens.reserve, x, y)
+        row[1 + e] = z - (lens.nearest_mm + margin)
+        row[3 + e] = (lens.farthest_mm - margin) - z
+        if z <= 0.0:
+            row[5 + e] = row[7 + e] = row[9 + e] = row[11 + e] = _NOT_IMAGED_PX
+            continue
+        u = lens.scale_x_px * x / z + lens.centre_x_px
+        v = lens.scale_y_px * y / z + lens.centre_y_px
+        row[5 + e] = u - lens.left_px - lens.margin_px
+        row[7 + e] = lens.right_px - u - lens.margin_px
+        row[9 + e] = v - lens.top_px - lens.margin_px
+        row[11 + e] = lens.bottom_px - v - lens.margin_px
+
+
+@kernel(error_model="numpy")
+def _in_camera(pose, point):
+    x = point[0] - pose[0, 3]
+    y = point[1] - pose[1, 3]
+    z = point[2] - pose[2, 3]
+    return (
+        pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z,
+        pose[0, 1] * x + pose[1, 1] * y + pose[2, 1] * z,
+        pose[0, 2] * x + pose[1, 2] * y + pose[2, 2] * z,
+    )
+
+
+@entry_kernel(error_model="numpy")
+def _image_margins(lens, segments, resolved, first, poses, out):
+    row = np.empty(13)
+    for i in range(len(poses)):
+        pose = poses[i]
+        for k in range(out.shape[1]):
+            length = np.inf
+            depth = np.inf
+            side = np.inf
+            for j in range(first[k], first[k + 1]):
+                a = _in_camera(pose, segments[j, 0])
+                b = _in_camera(pose, segments[j, 1])
+                _segment_slacks(lens, a, b, row)
+                if resolved[j]:
+                    length = min(length, row[0])
+                for c in range(1, 5):
+                    depth = min(depth, row[c])
+                for c in range(5, 13):
+                    side = min(side, row[c])
+            out[i, k, 0] = length
+            out[i, k, 1] = depth
+            out[i, k, 2] = side
 
 
 @entry_kernel(error_model="numpy")
@@ -616,14 +682,23 @@ class Constraints:
         self, cam2world: np.ndarray, only: Sequence[str] | None = None
     ) -> dict[str, np.ndarray]:
         """Return the margin of poses (n, 4, 4) per constraint and entity: (n, k), or (n, 1) where entities share it."""
-        return {name: slacks.min(axis=-1) for name, slacks in self.slacks(cam2world, only).items()}
+        names = self.constraint_names if only is None else only
+        checks = [name for name in names if name not in self._columns]
+        slacks = self.slacks(cam2world, checks)
+        margins = {name: slack.min(axis=-1) for name, slack in slacks.items()}
+        if len(checks) < len(names):
+            image = self._image_margins(cam2world)
+            margins.update({name: image[..., k] for k, name in enumerate(self._columns)})
+        return {name: margins[name] for name in names}
+
+    def _image_margins(self, cam2world: np.ndarray) -> np.ndarray:
+        """Return the margins of the image (n, k, c), in the order of `of_image`."""
+        margins = image_margins(self._lens, self.segments, self.resolved, self._first, cam2world)
+        return margins[..., : len(self._columns)]
 
     def feasible(self, cam2world: np.ndarray) -> np.ndarray:
         """Return which of the poses (n, 4, 4) satisfy every constraint; (n,) bool."""
-        image = self._image_slacks(cam2world)
-        if not self._exact_field:
-            image = image[..., : FIELD_OF_VIEW.start]
-        mask = image.min(axis=(1, 2)) >= 0
+        mask = np.asarray((self._image_margins(cam2world) >= 0).all(axis=(1, 2)))
         # cheap constraints come first, and the costly ones see only what is left
         for name, check in self._checks.items():
             candidates = np.flatnonzero(mask)
@@ -691,8 +766,8 @@ class Constraints:
             if images_only
             else [name for name in self.constraint_names if name not in self._shows]
         )
-        for name, slacks in self.slacks(cam2world, cheap).items():
-            total += self._share_missed(name, slacks.min(axis=-1))
+        for name, margin in self.margins(cam2world, cheap).items():
+            total += self._share_missed(name, margin)
         if images_only:
             total[total > 0.0] += len(self._shows)
             return total

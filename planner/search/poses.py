@@ -53,12 +53,25 @@ _MOST_UNREACHED = 500
 # would hardly ever hit it.
 #
 # Guarantee: every viewpoint returned lies in the covering domains and in the shell, and is
-# uniform there. That holds because each of the three ways to propose viewpoints is uniform on a
+# uniform there. That holds because each of the four ways to propose viewpoints is uniform on a
 # set that contains the intersection, and what lies outside the intersection is rejected. The way
 # with the smallest such set is taken.
+#
+# Where the depth of field is thin, that is the intersection of the shells of two ends that are far
+# apart. A viewpoint there is given by its distances r1 and r2 from them and its
+# angle φ about the line through them. With d between the ends, dV = r1 r2 / d · dr1 dr2 dφ: the
+# squares of both distances are drawn evenly, and what no triangle has is rejected.
+#
+# Where proposals hardly ever lie in the intersection, the boxes are halved as long as that helps:
+# halves outside the shells or their cell are left out. If none is left, the intersection is empty.
 
 
 _BATCH = 4096
+# proposals until the boxes are halved, if fewer viewpoints than asked for were found
+_PATIENCE = 8 * _BATCH
+# boxes after halving, about
+_MOST_BOXES = 4096
+_HALVINGS = 24
 
 
 class ViewpointSampler:
@@ -77,7 +90,7 @@ class ViewpointSampler:
     ----------
     bounds : array (2, 3)
         Box that contains the intersection, mm; `empty` if it is known to be empty.
-    proposal : {"cells", "shell", "boxes"}
+    proposal : {"cells", "shell", "shells", "boxes"}
         How viewpoints are proposed.
     """
 
@@ -107,6 +120,8 @@ class ViewpointSampler:
         )
         self._low = low[self._kept]
         self._high = high[self._kept]
+        self._cell_of_box = np.arange(len(self._kept))
+        self._is_halved = False
         self.empty = not len(self._kept)
         self.bounds = (
             np.empty((2, 0))
@@ -120,8 +135,19 @@ class ViewpointSampler:
             "cells": float(self.cells.volume),
             "shell": 4 / 3 * np.pi * (outer**3 - inner**3) if np.isfinite(outer) else np.inf,
             "boxes": float(np.prod(self._high - self._low, axis=1).sum()),
+            "shells": self._size_of_shells(),
         }
         self.proposal = min(sizes, key=sizes.__getitem__)
+
+    def _size_of_shells(self) -> float:
+        """Return how much proposals from two shells cover, mm³, what no triangle has included."""
+        far_out = self.points[np.argmax(((self.points - self._centre) ** 2).sum(axis=1))]
+        apart = np.linalg.norm(self.points - far_out, axis=1)
+        self._pair = far_out, self.points[np.argmax(apart)]
+        distance = float(apart.max())
+        if distance <= 0.0 or not np.isfinite(self.far):
+            return np.inf
+        return float(2.0 * np.pi / distance * ((self.far**2 - self.near**2) / 2.0) ** 2)
 
     def in_shell(self, positions: np.ndarray) -> np.ndarray:
         """Return which positions (n, 3) have every end at a distance that can be in focus; (n,) bool."""
@@ -145,15 +171,63 @@ class ViewpointSampler:
             proposed += _BATCH
             positions.append(batch)
             total += len(batch)
+            if proposed >= _PATIENCE and not self._is_halved:
+                self._halve_boxes()
         return np.concatenate(positions)[:n] if positions else np.empty((0, 3))
+
+    def _halve_boxes(self) -> None:
+        """Halve the boxes, leave out what is outside, and propose from the others if they are the smallest set."""
+        self._is_halved = True
+        for _ in range(_HALVINGS):
+            if self.empty or len(self._low) > _MOST_BOXES:
+                break
+            rows = np.arange(len(self._low))
+            axis = np.argmax(self._high - self._low, axis=1)
+            middle = (self._low[rows, axis] + self._high[rows, axis]) / 2.0
+            low = np.concatenate([self._low, self._low])
+            high = np.concatenate([self._high, self._high])
+            cell_of_box = np.concatenate([self._cell_of_box, self._cell_of_box])
+            high[rows, axis] = middle
+            low[len(rows) + rows, axis] = middle
+            remain = boxes_reach(low, high, self.points, self.near, self.far)
+            remain &= self._may_reach_both(low, high)
+            # the corner of a box that is deepest inside a half-space
+            planes = self._half_spaces[cell_of_box]
+            deepest = np.where(planes[..., :3] > 0, low[:, None], high[:, None])
+            remain &= ((planes[..., :3] * deepest).sum(axis=-1) + planes[..., 3] <= 0).all(axis=1)
+            self._low = low[remain]
+            self._high = high[remain]
+            self._cell_of_box = cell_of_box[remain]
+            self.empty = not remain.any()
+        if not self.empty:
+            self._choose_proposal()
+
+    def _may_reach_both(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """Return which boxes (m, 3) may hold viewpoints whose distances from two ends both are in the range; (m,).
+
+        Along a way of length s, the difference of two distances changes by no more than s times the angle between the
+        ends, as seen from the nearest that the box comes to one of them.
+        """
+        apart = np.linalg.norm(self._pair[1] - self._pair[0])
+        centre = (low + high) / 2.0
+        closest = np.full(len(low), np.inf)
+        distances = []
+        for point in self._pair:
+            aside = np.maximum(np.maximum(low - point, point - high), 0.0)
+            closest = np.minimum(closest, np.linalg.norm(aside, axis=1))
+            distances.append(np.linalg.norm(centre - point, axis=1))
+        chord = np.minimum(apart / np.maximum(closest, 1e-9), 2.0)
+        slack = np.linalg.norm(high - low, axis=1) / 2.0 * chord
+        return np.asarray(np.abs(distances[0] - distances[1]) - slack <= self.far - self.near)
 
     def _propose(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """Propose n viewpoints and return those in cells and shell."""
         if self.proposal == "cells":
             positions = self.cells.sample(n, rng)
             return positions[self.in_shell(positions)]
-        if self.proposal == "shell":
-            positions = self._shell_points(n, rng)
+        if self.proposal in ("shell", "shells"):
+            points = self._shell_points if self.proposal == "shell" else self._points_of_shells
+            positions = points(n, rng)
             positions = positions[self.in_shell(positions)]
             return positions[self.cells.contains(positions)] if len(positions) else positions
         return self._box_points(n, rng)
@@ -165,6 +239,28 @@ class ViewpointSampler:
         radius = np.cbrt(rng.uniform(inner**3, outer**3, n))
         return self._centre + radius[:, None] * direction
 
+    def _points_of_shells(self, n: int, rng: np.random.Generator) -> np.ndarray:
+        """Draw n points evenly from what two shells have in common, less those that no triangle has."""
+        origin, end = self._pair
+        distance = float(np.linalg.norm(end - origin))
+        squares = rng.uniform(self.near**2, self.far**2, (n, 2))
+        angle = rng.uniform(0.0, 2.0 * np.pi, n)
+        along = (squares[:, 0] - squares[:, 1] + distance**2) / (2.0 * distance)
+        off = squares[:, 0] - along**2
+        is_triangle = off >= 0.0
+        off = np.sqrt(off[is_triangle])
+        angle = angle[is_triangle]
+        axis = (end - origin) / distance
+        across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        across /= np.linalg.norm(across)
+        up = np.cross(axis, across)
+        return np.asarray(
+            origin
+            + along[is_triangle, None] * axis
+            + (off * np.cos(angle))[:, None] * across
+            + (off * np.sin(angle))[:, None] * up
+        )
+
     def _box_points(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """Draw from the cells' boxes by volume; keep what lies in that very cell (cells do not overlap)."""
         volumes = np.prod(self._high - self._low, axis=1)
@@ -173,7 +269,7 @@ class ViewpointSampler:
         keep = self.in_shell(positions)
         positions = positions[keep]
         chosen = chosen[keep]
-        planes = self._half_spaces[chosen]
+        planes = self._half_spaces[self._cell_of_box[chosen]]
         return positions[
             ((planes[..., :3] @ positions[:, :, None])[..., 0] + planes[..., 3] <= 0).all(axis=1)
         ]
@@ -206,6 +302,8 @@ class WorkspaceSampler(ViewpointSampler):
         if not self.empty:
             self.bounds = np.array(workspace, dtype=np.float64)
             self.proposal = "workspace"
+            # the whole workspace is drawn from, whatever is found there
+            self._is_halved = True
 
     def _propose(self, n: int, rng: np.random.Generator) -> np.ndarray:
         return rng.uniform(self.bounds[0], self.bounds[1], (n, 3))

@@ -46,8 +46,11 @@ ALL_TRIALS = 1000
 _SURE_POSES = 40_000
 # displaced poses at first in which everything must hold, see `planner.verify.simulate_setting`
 JOINT_POSES = 1000
-# the same where the first ones do not decide, and at most for what a plan states
+# the same where fewer do not decide, and at most for what a plan states
 JOINT_SURE_POSES = 20_000
+# displaced poses of the counts that may decide a trial, one after the other: most that the first leaves open are
+# decided by the second, at a fifth of what the last takes
+_LOOKS = (JOINT_POSES, 4000, JOINT_SURE_POSES)
 # displaced poses times measurements, at most, for all that a plan or a prediction states
 _STATED_POSES = 400_000
 
@@ -319,7 +322,8 @@ def joint_bounds(
 ) -> dict[str, tuple[float, int]]:
     """Return a lower bound of the P_all of each target at a pose, and over how many displaced poses it was counted.
 
-    Where the first displaced poses do not decide whether a target has the required probability, more are drawn.
+    Where the first displaced poses do not decide whether a target has the required probability, more are drawn. That
+    any of these counts decides wrongly is as improbable as it is of a single one (Bonferroni).
 
     Parameters
     ----------
@@ -330,14 +334,16 @@ def joint_bounds(
     """
     bounds: dict[str, tuple[float, int]] = {}
     undecided = tuple(names)
-    for at_least in (JOINT_POSES, JOINT_SURE_POSES):
-        sure = at_least == JOINT_SURE_POSES
-        counts = joint_counts(judge, cam2world, undecided, seed, at_least, needed if sure else 0.0)
-        bounds.update({name: (counts.lower[name], counts.n) for name in undecided})
+    # a high probability takes more poses than the first looks have
+    looks = sorted({poses_needed(judge.threshold, at_least) for at_least in _LOOKS})
+    for n in looks:
+        counts = joint_counts(judge, cam2world, undecided, seed, n, needed if bounds else 0.0)
+        lower_bounds = counts.lower_of(len(looks))
+        bounds.update({name: (lower_bounds[name], counts.n) for name in undecided})
         undecided = tuple(
             name
             for name, hits in zip(counts.names, counts.successes, strict=True)
-            if hits >= judge.threshold * counts.n and not keeps(judge, counts.lower[name])
+            if hits >= judge.threshold * counts.n and not keeps(judge, lower_bounds[name])
         )
         decided = [lower for name, (lower, _) in bounds.items() if name not in undecided]
         if not undecided or min(decided, default=1.0) < needed:

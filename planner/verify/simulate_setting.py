@@ -1007,7 +1007,12 @@ class JointCounts:
     @cached_property
     def lower(self) -> dict[str, float]:
         """Lower confidence bound of P_all by target (Clopper and Pearson 1934)."""
-        bounds = {hits: lower_bound(hits, self.n) for hits in set(self.successes)}
+        return self.lower_of(1)
+
+    def lower_of(self, looks: int) -> dict[str, float]:
+        """Return lower bounds by target that all hold with `CONFIDENCE`, where so many counts may each decide."""
+        confidence = 1.0 - (1.0 - CONFIDENCE) / looks
+        bounds = {hits: lower_bound(hits, self.n, confidence) for hits in set(self.successes)}
         return {name: bounds[hits] for name, hits in zip(self.names, self.successes, strict=True)}
 
     @property
@@ -1016,9 +1021,9 @@ class JointCounts:
         return lower_bound(self.together, self.n)
 
 
-def lower_bound(successes: int, n: int) -> float:
+def lower_bound(successes: int, n: int, confidence: float = CONFIDENCE) -> float:
     """Return the one-sided lower bound of a probability after so many successes in n trials."""
-    return clopper_pearson(successes, n, 2.0 * CONFIDENCE - 1.0)[0]
+    return clopper_pearson(successes, n, 2.0 * confidence - 1.0)[0]
 
 
 def successes_needed(bound: float, n: int) -> int:

@@ -27,14 +27,18 @@ from planner.exceptions import PlanFileError
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan
 from planner.report.wording import requirement_rows
+from planner.request.camera_limits import FocusReserve
 from planner.request.constraints import (
+    FIELD_OF_VIEW,
     FOCUS,
+    RESOLUTION,
     Constraints,
     Lens,
     Requirements,
     cone_slacks,
     field_of_view_slacks,
     focus_slacks,
+    image_margins,
     image_slacks,
     resolution_slacks,
 )
@@ -509,3 +513,22 @@ def test_the_report_tells_the_field_of_views_usual_reserve_in_standard_deviation
     assert "deviation" not in " ".join(
         requirement_rows(plan(requirements=usual, pose_uncertainty=exact)).values()
     )
+
+
+def test_margins_in_one_pass_are_the_least_slacks_of_each_item():
+    """Of items with several segments, some of them not to be resolved, behind the camera, and with a reserve."""
+    rng = np.random.default_rng(6)
+    segments = rng.uniform(-40.0, 40.0, (9, 2, 3))
+    first = np.array([0, 3, 4])
+    resolved = np.array([True, False, True, True, False, False, True, False, False])
+    poses = look_at(rng.uniform(-400.0, 400.0, (300, 3)), rng.uniform(-300.0, 300.0, 3))
+    sigma = np.diag([0.1, 0.1, 0.2, 1e-3, 2e-3, 1e-3]) ** 2
+    reserve = FocusReserve.of(CAMERA_IMAGE_CONSTRAINTS, PoseUncertainty(sigma))
+    lens = Lens.of(CAMERA_IMAGE_CONSTRAINTS, 0.3, 7.0, 0.1, reserve)
+    margins = image_margins(lens, segments, resolved, first, poses)
+    slacks = image_slacks(lens, world_to_cam(segments, poses))
+    slacks[:, ~resolved, RESOLUTION] = np.inf
+    by_item = [slacks[:, begin:end] for begin, end in zip(first, [3, 4, 9], strict=True)]
+    for k, columns in enumerate((RESOLUTION, FOCUS, FIELD_OF_VIEW)):
+        expected = np.stack([item[..., columns].min(axis=(1, 2)) for item in by_item], axis=1)
+        np.testing.assert_allclose(margins[..., k], expected, rtol=1e-9, atol=1e-9)

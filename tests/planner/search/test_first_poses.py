@@ -1,11 +1,14 @@
 """Refinement from many starts: the choice of starts on hand-made data, and what refinement promises."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from known_box import BoxSpace, Cells
-from scipy.stats import chisquare
+from scipy.stats import chisquare, ks_2samp
 
 from planner import Camera, PoseUncertainty, Search, SphereRegion, look_at
+from planner.request.camera_limits import focus_reach_mm
 from planner.request.constraints import Constraints, Requirements
 from planner.request.models import Means
 from planner.request.problem import Objective
@@ -321,7 +324,7 @@ def three_cells():
     )
 
 
-def test_the_three_ways_to_propose_draw_from_the_same_distribution():
+def test_the_ways_to_propose_draw_from_the_same_distribution():
     """Counts in the octants must agree with counts of plain rejection from a large box."""
     _, ends = space_and_ends()
     cells = three_cells()
@@ -334,8 +337,10 @@ def test_the_three_ways_to_propose_draw_from_the_same_distribution():
         return np.bincount(((points > 10) @ [1, 2, 4]), minlength=8)
 
     expected = octants(plain)
-    for proposal in ("cells", "shell", "boxes"):
-        sampler.proposal = proposal
+    for proposal in ("cells", "shell", "shells", "boxes", "halved boxes"):
+        if proposal == "halved boxes":
+            sampler._halve_boxes()
+        sampler.proposal = proposal.split()[-1]
         drawn = octants(sampler.sample(6000, rng))
         assert drawn.sum() == 6000
         scaled = expected / expected.sum() * 6000
@@ -343,6 +348,49 @@ def test_the_three_ways_to_propose_draw_from_the_same_distribution():
         assert drawn[~kept].sum() < 100
         frequency = scaled[kept] / scaled[kept].sum() * drawn[kept].sum()
         assert chisquare(drawn[kept], frequency).pvalue > 1e-3, proposal
+
+
+def test_viewpoints_in_two_thin_shells_are_even_in_both_distances():
+    """Against plain rejection from a box: distances from both ends, and their height above the line through them."""
+    camera = replace(CAMERA_POSE_BITS, f_number=1.4)
+    ends = np.array([[[-30.0, 5.0, 2.0], [35.0, -4.0, 8.0]]])
+    cells = three_cells()
+    sampler = ViewpointSampler(cells, ends, camera)
+    assert sampler.proposal == "shells"
+    rng = np.random.default_rng(12)
+    far = sampler.far
+    plain = rng.uniform(-far - 35.0, far + 35.0, (3_000_000, 3))
+    plain = plain[sampler.in_shell(plain)]
+    plain = plain[cells.contains(plain)]
+    drawn = sampler.sample(6000, rng)
+    assert len(plain) > 1000
+    assert sampler.in_shell(drawn).all()
+
+    def measures(points):
+        distances = np.linalg.norm(points[:, None] - ends[0], axis=-1).T
+        return [*distances, points[:, 0], points[:, 2]]
+
+    for ours, theirs in zip(measures(drawn), measures(plain), strict=True):
+        assert ks_2samp(ours, theirs).pvalue > 1e-3
+
+
+def test_cells_from_which_one_end_is_too_near_are_found_empty_without_many_proposals():
+    """Seen along a line, both of its ends cannot be in focus where it is longer than the depth of field."""
+    camera = replace(CAMERA_POSE_BITS, f_number=1.4)
+    near, far = focus_reach_mm(camera)
+    length = 1.1 * (far - near)
+    ends = np.array([[[0.0, 0.0, 0.0], [length, 0.0, 0.0]]])
+    distance = (near + far) / 2.0
+    along = Cells([[[distance - 80.0, -120.0, -120.0], [distance + 80.0, 120.0, 120.0]]])
+    sampler = ViewpointSampler(along, ends, camera)
+    assert not sampler.empty
+    assert sampler.sample(1, np.random.default_rng(0)).shape == (0, 3)
+    assert sampler.empty
+    across = Cells([[[-30.0, -30.0, distance - 80.0], [30.0, 30.0, distance + 80.0]]])
+    sampler = ViewpointSampler(across, ends, camera)
+    sampler._halve_boxes()
+    assert not sampler.empty
+    assert sampler.in_shell(sampler.sample(100, np.random.default_rng(0))).all()
 
 
 def test_cell_of_returns_the_half_spaces_around_a_viewpoint():
