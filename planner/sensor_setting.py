@@ -396,6 +396,8 @@ class Outcome:
             )
         # so many digits that it is seen to be below
         digits = next((n for n in range(4, 16) if round(best, n) < threshold), 16)
-        text = f"the best pose found reaches P = {best:.{digits}f}, below the required {threshold:g}."
+        text = (
+            f"the best pose found reaches P = {best:.{digits}f}, below the required {threshold:g}."
+        )
         advice = remedy(best, threshold) if remedy else ""
         return Reason.of(ReasonKind.PROBABILITY_TOO_LOW, f"{text} {advice}".strip())

@@ -870,9 +870,7 @@ class PlannedDimension(Target):
         # a share is stated by two digits, and no less than it needs
         share = math.ceil(100.0 * times * self.share) / 100.0
         if share > 1.0:
-            return (
-                "No share of the tolerance would do there: a larger image or a surer pose is needed."
-            )
+            return "No share of the tolerance would do there: a larger image or a surer pose is needed."
         error = share * half_width(self.kind, self.tolerance)
         return f"An error of up to {error:.4g} {self.unit}, a share of {share:g}, would do there."
 
