@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Annotated, Any
@@ -373,13 +373,17 @@ class Outcome:
     setting: SensorSetting | None = None
     reason: Reason = _NONE
 
-    def reason_at(self, threshold: float) -> Reason:
+    def reason_at(
+        self, threshold: float, remedy: Callable[[float, float], str] | None = None
+    ) -> Reason:
         """Say why an entity is not inspected, given that this is the outcome of its own run.
 
         Parameters
         ----------
         threshold : float
             Required probability.
+        remedy : callable, optional
+            Says of the best probability and the required one what would help, such as `PlannedDimension.remedy`.
         """
         if self.setting is None:
             return self.reason
@@ -392,7 +396,8 @@ class Outcome:
             )
         # so many digits that it is seen to be below
         digits = next((n for n in range(4, 16) if round(best, n) < threshold), 16)
-        return Reason.of(
-            ReasonKind.PROBABILITY_TOO_LOW,
-            f"the best pose found reaches P = {best:.{digits}f}, below the required {threshold:g}.",
+        text = (
+            f"the best pose found reaches P = {best:.{digits}f}, below the required {threshold:g}."
         )
+        advice = remedy(best, threshold) if remedy else ""
+        return Reason.of(ReasonKind.PROBABILITY_TOO_LOW, f"{text} {advice}".strip())

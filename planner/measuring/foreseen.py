@@ -4,7 +4,7 @@ A plan counts what it needs for its promise: a localisation of few points, and o
 light can do. `measure` has the points of the whole entity, a small floor of its detector, and a lamp that tells where
 the steps of broken edges are. So the U of a plan may be twice that of `measure`. Here U is computed as `measure` does
 it, with the nominal part, the planned pose and light, and no image. Without planned light, a lamp on the camera stands
-for it, as in rendered images.
+for it, as in rendered images. Without a planned registration, edges tell the pose, as `measure` does it by default.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from planner.measuring.verdict import Sampled
 from planner.progress import TimeIsUpError, TimeLeft
 from planner.request.dimension import POSITIONS, is_one_sided
 from planner.request.edge_state import EdgeState, spread_of
-from planner.request.registration import OWN_EDGES
+from planner.request.registration import OWN_EDGES, RegistrationRecord
 from planner.sensor_setting import Foreseen
 from planner.verify.setting_record import Measurement, measurements
 
@@ -88,6 +88,7 @@ def foreseen_uncertainties(
     """
     if not plan.settings or not plan.dimensions:
         return []
+    plan = _registered(plan)
     measurer = Measurer(plan, solid)
     rows = []
     for number, setting in enumerate(plan.settings):
@@ -106,6 +107,18 @@ def foreseen_uncertainties(
             if row is not None:
                 rows.append(row)
     return rows
+
+
+def _registered(plan: InspectionPlan) -> InspectionPlan:
+    """Return a plan that says how poses will be known: from the part's own edges, unless something else is planned."""
+    if plan.request.registration is not None:
+        return plan
+    return replace(plan, request=replace(plan.request, registration=RegistrationRecord(OWN_EDGES)))
+
+
+def _by_own_edges(plan: InspectionPlan) -> bool:
+    registration = plan.request.registration
+    return registration is not None and registration.method == OWN_EDGES
 
 
 def with_foreseen(plan: InspectionPlan, solid: Solid) -> InspectionPlan:
@@ -171,8 +184,7 @@ def _lamp(plan: InspectionPlan, number: int, solid: Solid) -> Lamp | None:
     place = eye
     ground = SHADOW_SHARE
     light = plan.light
-    registration = plan.request.registration
-    if registration is None or registration.method != OWN_EDGES:
+    if not _by_own_edges(plan):
         # a lamp is fitted to what registration finds
         return None
     if light is not None:
@@ -277,8 +289,7 @@ def _pose_share(plan: InspectionPlan, localisation: Localisation, state: EdgeSta
 
     `measure` takes biases that are as large as images show, so they are never taken for larger than planned.
     """
-    registration = plan.request.registration
-    if registration is None or registration.method != OWN_EDGES or not localisation.floor_px:
+    if not _by_own_edges(plan) or not localisation.floor_px:
         return 1.0
     floor_px = DETECTOR_FLOOR_PX if localisation.floor_px == FLOOR_PX else localisation.floor_px
     shown = edges_bias_px(plan.camera, floor_px, state)

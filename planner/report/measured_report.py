@@ -162,7 +162,7 @@ _CROP_PX = 560
 _ROOM_PX = 26
 _QUALITY = 82
 _PLOT = (560, 120)
-_BAR = (420, 46)
+_BAR = (420, 54)
 
 
 def image_data(picture: Picture, window: tuple[int, int, int, int], width: int) -> str:

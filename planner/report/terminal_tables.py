@@ -45,6 +45,7 @@ from planner.request.problem import why_missed
 from planner.request.targets import targets_of, words_of
 from planner.request.words import requirements_text, tolerance_text
 from planner.rows import split_rows
+from planner.sensor_setting import ReasonKind
 from planner.text_table import (
     Cell,
     Column,
@@ -299,6 +300,17 @@ def _exposed(exposure: Exposure | None, camera: Camera) -> str:
     return f"{place} ({column}, {row}) has {white_text(exposure.share, camera)}"
 
 
+# reasons that may not hold with another camera or lens
+_OF_CAMERA = {
+    ReasonKind.TOO_SHORT,
+    ReasonKind.OUT_OF_FOCUS,
+    ReasonKind.TOO_LARGE,
+    ReasonKind.LINE_NEARBY,
+    ReasonKind.NO_FEASIBLE_VIEW,
+    ReasonKind.PROBABILITY_TOO_LOW,
+}
+
+
 def _notes(plan: InspectionPlan) -> list[str]:
     """Return what else to know of a plan: what is not shown, lines near others, the state of edges."""
     texts = []
@@ -309,6 +321,11 @@ def _notes(plan: InspectionPlan) -> list[str]:
     if plan.unlit:
         texts.append(
             "'aspectgraph lights' with this plan and its part prints which light shows most"
+        )
+    if any(getattr(why, "kind", None) in _OF_CAMERA for why in plan.uninspectable.values()):
+        texts.append(
+            "another camera may inspect more: 'aspectgraph optics' with the part and its targets ranks bodies and "
+            "lenses"
         )
     if text := given_text(plan):
         texts.append(text)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtri
 
 from errors.checks import percent_text
 from errors.measurands import (
@@ -76,6 +77,8 @@ _DIAMETERS = 8
 """Diameters of a circle that must be in the picture; a polygon of twice as many corners is drawn around the circle."""
 # of an entity, that tell where it is in the image
 _POINTS = 72
+# a probability below this says little of how large the errors are
+_LEAST = 0.05
 
 
 def knowledge_of(
@@ -315,6 +318,23 @@ class Target(ABC):
                 f"witness must be below {len(self.witnesses)}, the number of the target's witnesses. Got {k}."
             )
         return replace(self, name=name or self.name, witnesses=(self.witnesses[k],))
+
+    def remedy(self, best: float, required: float) -> str:
+        """Say what would help where no pose is sure enough; empty where nothing is known.
+
+        Parameters
+        ----------
+        best : float
+            Probability that the best pose reaches.
+        required : float
+            Probability that is required.
+
+        Returns
+        -------
+        str
+            A sentence, or nothing.
+        """
+        return ""
 
     @abstractmethod
     def measured_with(self, means: Means) -> Self:
@@ -825,6 +845,34 @@ class PlannedDimension(Target):
     def _share(self, tolerance: tuple[float, float]) -> str:
         """Return the permitted error in percent of half the width of a tolerance."""
         return percent_text(self.permitted_error / half_width(self.kind, tolerance))
+
+    def remedy(self, best: float, required: float) -> str:
+        """Say what a pose whose probability is too low would do for: a larger permitted error, or none.
+
+        Its errors are taken to be normal. The probability is to be halfway from the required one to 1, which leaves
+        room for what P_all asks for beside.
+
+        Parameters
+        ----------
+        best : float
+            Probability that the pose reaches.
+        required : float
+            Probability that is required.
+
+        Returns
+        -------
+        str
+            A sentence; empty where the tolerance gives no share, and for a position, whose error has two directions.
+        """
+        if self.share is None or self.tolerance is None or self.kind in POSITIONS or best < _LEAST:
+            return ""
+        times = float(ndtri(0.5 + (1.0 + required) / 4.0) / ndtri((1.0 + best) / 2.0))
+        # a share is stated by two digits, and no less than it needs
+        share = math.ceil(100.0 * times * self.share) / 100.0
+        if share > 1.0:
+            return "No share of the tolerance would do there: a larger image or a surer pose is needed."
+        error = share * half_width(self.kind, self.tolerance)
+        return f"An error of up to {error:.4g} {self.unit}, a share of {share:g}, would do there."
 
     def item_of(self, solid: Solid) -> Dimension:
         """Return the dimension as `plan_inspection` takes it, on a part.

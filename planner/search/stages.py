@@ -510,7 +510,8 @@ def realise_missing_alone(run: SearchRun, incumbents: Incumbents) -> dict[str, R
         batch = missing[first : first + _AT_A_TIME]
         for name, outcome in zip(batch, run.realise([(name,) for name in batch]), strict=True):
             if name not in run.accept(outcome):
-                reasons[name] = outcome.reason_at(run.problem.probability)
+                remedy = run.problem.find_target(name).remedy
+                reasons[name] = outcome.reason_at(run.problem.probability, remedy)
         if len(reasons) < first + len(batch):
             incumbents.offer(run)
     return reasons

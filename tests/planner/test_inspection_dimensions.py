@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import replace
 from itertools import product
 
@@ -371,3 +372,30 @@ def test_a_length_measured_near_the_corner_is_undistorted():
     assert not outside.any()
     assert abs(np.mean(error)) < told.standard_uncertainty
     assert 0.3 * told.standard_uncertainty < np.std(error) < 1.1 * told.standard_uncertainty
+
+
+def test_what_is_not_sure_enough_says_which_share_would_do_and_that_share_does(solid):
+    options = {"localisation": FINE, "effort": QUICK, "probability": 0.8}
+
+    def planned(share):
+        depth = Dimension.distance(FRONT, BACK, tolerance_mm=(-0.2, 0.2), share=share)
+        return plan_inspection(solid, {"depth": depth}, CAMERA, UNCERTAINTY, **options)
+
+    reason = planned(0.05).uninspectable["depth"]
+    share = float(re.search(r"a share of ([0-9.]+), would do there\.$", reason)[1])
+    assert 0.05 < share < 1.0
+    assert f"An error of up to {share * 0.2:.4g} mm" in reason
+    plan = planned(share)
+    assert plan.complete
+    assert plan.inspected["depth"] >= 0.85
+
+
+def test_a_tolerance_too_narrow_for_any_share_says_so(solid):
+    depth = Dimension.distance(FRONT, BACK, tolerance_mm=(-0.01, 0.01), share=0.5)
+    _, (target,) = resolve_wanted(solid, {"depth": depth}, 0.8)
+    assert target.remedy(0.2, 0.9).startswith("No share of the tolerance would do there")
+    # 1 - 0.95 on both sides is 1.96 of the standard deviations of which 0.8 is 1.28
+    assert "a share of 0.77," in target.remedy(0.8, 0.9)
+    depth = Dimension.distance(FRONT, BACK, max_error_mm=0.01)
+    _, (target,) = resolve_wanted(solid, {"depth": depth}, 0.8)
+    assert target.remedy(0.8, 0.9) == ""

@@ -363,6 +363,8 @@ def test_incomplete_plan_is_written_and_told(folder, quick, capsys):
     assert (
         "not inspected: rim: no feasible view: no tried pose meets all constraints for rim" in out
     )
+    # another lens may focus at that distance
+    assert "'aspectgraph optics' with the part and its targets ranks" in out
     assert set(read_plan(folder / "out" / "plan.json").uninspectable) == {
         "rim",
         "far rim",

@@ -399,7 +399,7 @@ def leaves_of(tree, pose):
     ("size", "splits", "n_poses"),
     [
         *((size, 9, 400) for size in SIZES),
-        pytest.param(SIZES[1], 6, 100, marks=pytest.mark.uncompiled),
+        pytest.param(SIZES[1], 6, 200, marks=pytest.mark.uncompiled),
     ],
 )
 def test_every_inspected_set_is_inside_the_leaf_of_its_pose(size, splits, n_poses):

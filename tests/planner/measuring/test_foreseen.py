@@ -62,9 +62,7 @@ def measured(plan, size, limits):
     optics = Optics(CAMERA.matrix, CAMERA.resolution, noise=0.005, samples=3, every=4)
     pose = plate.POSES[0]
     image = PartImages(*mesh, optics).image(pose, [Lamp(pose[:3, 3])], np.random.default_rng(1))
-    how = Registration("planned")
-    if plan.request.registration is not None:
-        how = Registration.own_edges(SURFACES_MM)
+    how = Registration.own_edges(SURFACES_MM)
     options = MeasureOptions(how, edge_break_mm=limits, response="linear")
     return Measurer(plan, SOLID).measure({1: image}, options)
 
