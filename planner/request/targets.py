@@ -850,7 +850,7 @@ class PlannedDimension(Target):
         """Say what a pose whose probability is too low would do for: a larger permitted error, or none.
 
         Its errors are taken to be normal. The probability is to be halfway from the required one to 1, which leaves
-        room for what P_all asks for beside.
+        room for what else P_all asks for.
 
         Parameters
         ----------
