@@ -849,8 +849,8 @@ class PlannedDimension(Target):
     def remedy(self, best: float, required: float) -> str:
         """Say what a pose whose probability is too low would do for: a larger permitted error, or none.
 
-        Its errors are taken to be normal. The probability is to be halfway from the required one to 1, which leaves
-        room for what P_all asks for beside.
+        Its errors are taken to be normal. The probability is to be halfway from the required one to 1, because
+        P_all asks for more than the error alone.
 
         Parameters
         ----------
