@@ -337,7 +337,9 @@ def joint_bounds(
     # a high probability takes more poses than the first looks have
     looks = sorted({poses_needed(judge.threshold, at_least) for at_least in _LOOKS})
     for n in looks:
-        counts = joint_counts(judge, cam2world, undecided, seed, n, needed if bounds else 0.0)
+        # a count that ends early states too much of others, so another look must not follow it
+        least = needed if n == looks[-1] else 0.0
+        counts = joint_counts(judge, cam2world, undecided, seed, n, least)
         lower_bounds = counts.lower_of(len(looks))
         bounds.update({name: (lower_bounds[name], counts.n) for name in undecided})
         undecided = tuple(

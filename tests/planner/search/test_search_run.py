@@ -37,9 +37,11 @@ from planner.search import stages as settle
 from planner.search.columns import ColumnPool, Pools
 from planner.search.incumbents import Incumbents, PlanState, SearchRun, empty_pools
 from planner.search.plan_setting import setting_at
+from planner.search.realise_column import joint_bounds
 from planner.search.stages import ShortTargets, _without_short, without_spare
 from planner.sensor_setting import Outcome, Reason, ReasonKind
 from planner.verify.simulate_plan import simulate_plan
+from planner.verify.simulate_setting import JointCounts
 
 CAMERA_ROUNDS = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY_ROUNDS = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
@@ -134,6 +136,38 @@ def test_what_simulation_says_of_a_promise_does_not_depend_on_the_others(monkeyp
     assert len(asked) == 3
     assert run.promises.contradicted_in(other) == {NAMES[2]: 0.1}
     assert asked[3:] == [(NAMES[2],)]
+
+
+def test_counts_that_decide_a_trial_are_three_and_only_the_last_may_end_early(monkeypatch):
+    """A count that ends early states too much of others: no later one would mend what it said of them."""
+    asked = []
+
+    def counts(judge, pose, names, seed, at_least, needed):
+        asked.append((names, at_least, needed))
+        # the first is sure at once, the second always just misses what is sure, the third is surely too low
+        share = {"sure": 1.0, "open": 0.951, "low": 0.8}
+        hits = tuple(round(share[name] * at_least) for name in names)
+        return JointCounts(tuple(names), at_least, hits, min(hits), {})
+
+    monkeypatch.setattr("planner.search.realise_column.joint_counts", counts)
+    judge = SimpleNamespace(threshold=0.95)
+    bounds = joint_bounds(judge, np.eye(4), ("sure", "open", "low"), 0, needed=0.7)
+    assert asked == [
+        (("sure", "open", "low"), 1000, 0.0),
+        (("open",), 4000, 0.0),
+        (("open",), 20_000, 0.7),
+    ]
+    assert {name: n for name, (_, n) in bounds.items()} == {
+        "sure": 1000,
+        "open": 20_000,
+        "low": 1000,
+    }
+    # each of three looks errs with a third of what one may: 1 - (0.001 / 3)^(1 / 1000) of 1000 successes
+    assert bounds["sure"][0] == pytest.approx((0.001 / 3.0) ** (1.0 / 1000.0), rel=1e-9)
+    # a probability that takes 200,000 displaced poses is counted once
+    asked.clear()
+    joint_bounds(SimpleNamespace(threshold=0.9999), np.eye(4), ("open",), 0, needed=0.7)
+    assert asked == [(("open",), 200_000, 0.7)]
 
 
 def test_a_promise_that_leaves_the_picture_too_often_counts_as_contradicted(monkeypatch):
