@@ -243,6 +243,12 @@ def _segment_slacks(lens, a, b, row):
 
 
 @kernel(error_model="numpy")
+def _smaller(smallest, value):
+    # what is no number stays none, as numpy has it
+    return value if value < smallest or value != value else smallest
+
+
+@kernel(error_model="numpy")
 def _in_camera(pose, point):
     x = point[0] - pose[0, 3]
     y = point[1] - pose[1, 3]
@@ -268,11 +274,11 @@ def _image_margins(lens, segments, resolved, first, poses, out):
                 b = _in_camera(pose, segments[j, 1])
                 _segment_slacks(lens, a, b, row)
                 if resolved[j]:
-                    length = min(length, row[0])
+                    length = _smaller(length, row[0])
                 for c in range(1, 5):
-                    depth = min(depth, row[c])
+                    depth = _smaller(depth, row[c])
                 for c in range(5, 13):
-                    side = min(side, row[c])
+                    side = _smaller(side, row[c])
             out[i, k, 0] = length
             out[i, k, 1] = depth
             out[i, k, 2] = side
@@ -285,10 +291,7 @@ def _least_slacks(slacks, first, out):
             for c in range(slacks.shape[2]):
                 smallest = slacks[i, first[k], c]
                 for j in range(first[k] + 1, first[k + 1]):
-                    value = slacks[i, j, c]
-                    # what is no number stays none, as numpy has it
-                    if value < smallest or value != value:
-                        smallest = value
+                    smallest = _smaller(smallest, slacks[i, j, c])
                 out[i, k, c] = smallest
 
 

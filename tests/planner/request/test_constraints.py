@@ -532,3 +532,13 @@ def test_margins_in_one_pass_are_the_least_slacks_of_each_item():
     for k, columns in enumerate((RESOLUTION, FOCUS, FIELD_OF_VIEW)):
         expected = np.stack([item[..., columns].min(axis=(1, 2)) for item in by_item], axis=1)
         np.testing.assert_allclose(margins[..., k], expected, rtol=1e-9, atol=1e-9)
+
+
+def test_a_pose_that_is_no_number_meets_no_margin_of_the_image():
+    space = BoxSpace()
+    constraints = Constraints(space, ["x00"], CAMERA_CONSTRAINTS, Requirements())
+    pose = look_at([[20.0, -400.0, 300.0]], [20.0, 0.0, 0.0])
+    pose[0, 0, 3] = np.nan
+    for name in constraints.of_image:
+        assert not (constraints.margins(pose, [name])[name] >= 0).any()
+    assert not constraints.feasible(pose).any()
