@@ -58,9 +58,9 @@ _MOST_UNREACHED = 500
 # with the smallest such set is taken.
 #
 # Where the depth of field is thin, that is the intersection of the shells of two ends that are far
-# apart. A viewpoint there is given by its distances r1 and r2 from them and its
-# angle φ about the line through them. With d between the ends, dV = r1 r2 / d · dr1 dr2 dφ: the
-# squares of both distances are drawn evenly, and what no triangle has is rejected.
+# apart. A viewpoint there is given by its distances r1 and r2 from them, and its angle φ about the
+# line through them. With d between the ends, dV = r1 r2 / d · dr1 dr2 dφ. So the squares of both
+# distances are drawn evenly, and those that make no triangle with d are rejected.
 #
 # Where proposals hardly ever lie in the intersection, the boxes are halved as long as that helps:
 # halves outside the shells or their cell are left out. If none is left, the intersection is empty.
@@ -102,6 +102,11 @@ class ViewpointSampler:
         self._centre = self.points.mean(axis=0)
         spread = np.linalg.norm(self.points - self._centre, axis=1).max()
         self._radii = max(self.near - spread, 0.0), self.far
+        # two ends that are about as far apart as any two
+        far_out = self.points[np.argmax(((self.points - self._centre) ** 2).sum(axis=1))]
+        apart = np.linalg.norm(self.points - far_out, axis=1)
+        self._pair = far_out, self.points[np.argmax(apart)]
+        self._apart_mm = float(apart.max())
         self._clip_boxes()
         if not self.empty:
             self._choose_proposal()
@@ -141,13 +146,9 @@ class ViewpointSampler:
 
     def _size_of_shells(self) -> float:
         """Return how much proposals from two shells cover, mm³, what no triangle has included."""
-        far_out = self.points[np.argmax(((self.points - self._centre) ** 2).sum(axis=1))]
-        apart = np.linalg.norm(self.points - far_out, axis=1)
-        self._pair = far_out, self.points[np.argmax(apart)]
-        distance = float(apart.max())
-        if distance <= 0.0 or not np.isfinite(self.far):
+        if self._apart_mm <= 0.0 or not np.isfinite(self.far):
             return np.inf
-        return float(2.0 * np.pi / distance * ((self.far**2 - self.near**2) / 2.0) ** 2)
+        return 2.0 * np.pi / self._apart_mm * ((self.far**2 - self.near**2) / 2.0) ** 2
 
     def in_shell(self, positions: np.ndarray) -> np.ndarray:
         """Return which positions (n, 3) have every end at a distance that can be in focus; (n,) bool."""
@@ -208,7 +209,8 @@ class ViewpointSampler:
         Along a way of length s, the difference of two distances changes by no more than s times the angle between the
         ends, as seen from the nearest that the box comes to one of them.
         """
-        apart = np.linalg.norm(self._pair[1] - self._pair[0])
+        if self._apart_mm <= 0.0:
+            return np.ones(len(low), dtype=bool)
         centre = (low + high) / 2.0
         closest = np.full(len(low), np.inf)
         distances = []
@@ -216,7 +218,8 @@ class ViewpointSampler:
             aside = np.maximum(np.maximum(low - point, point - high), 0.0)
             closest = np.minimum(closest, np.linalg.norm(aside, axis=1))
             distances.append(np.linalg.norm(centre - point, axis=1))
-        chord = np.minimum(apart / np.maximum(closest, 1e-9), 2.0)
+        # of two directions, so no longer than 2
+        chord = self._apart_mm / np.maximum(closest, self._apart_mm / 2.0)
         slack = np.linalg.norm(high - low, axis=1) / 2.0 * chord
         return np.asarray(np.abs(distances[0] - distances[1]) - slack <= self.far - self.near)
 
@@ -242,7 +245,7 @@ class ViewpointSampler:
     def _points_of_shells(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """Draw n points evenly from what two shells have in common, less those that no triangle has."""
         origin, end = self._pair
-        distance = float(np.linalg.norm(end - origin))
+        distance = self._apart_mm
         squares = rng.uniform(self.near**2, self.far**2, (n, 2))
         angle = rng.uniform(0.0, 2.0 * np.pi, n)
         along = (squares[:, 0] - squares[:, 1] + distance**2) / (2.0 * distance)
@@ -302,8 +305,9 @@ class WorkspaceSampler(ViewpointSampler):
         if not self.empty:
             self.bounds = np.array(workspace, dtype=np.float64)
             self.proposal = "workspace"
-            # the whole workspace is drawn from, whatever is found there
-            self._is_halved = True
+
+    def _halve_boxes(self) -> None:
+        """Do nothing: the whole workspace is drawn from, whatever is found there."""
 
     def _propose(self, n: int, rng: np.random.Generator) -> np.ndarray:
         return rng.uniform(self.bounds[0], self.bounds[1], (n, 3))

@@ -351,7 +351,7 @@ def test_the_ways_to_propose_draw_from_the_same_distribution():
 
 
 def test_viewpoints_in_two_thin_shells_are_even_in_both_distances():
-    """Against plain rejection from a box: distances from both ends, and their height above the line through them."""
+    """Against plain rejection from a box: distances from both ends, and two coordinates."""
     camera = replace(CAMERA_POSE_BITS, f_number=1.4)
     ends = np.array([[[-30.0, 5.0, 2.0], [35.0, -4.0, 8.0]]])
     cells = three_cells()
