@@ -56,9 +56,9 @@ Array = NDArray[np.float64]
 
 # rounds of column generation with ends: the poses of the plan are there already
 _ROUNDS = 12
-# viewpoints drawn for an end, in units of those for a target; more for ends that are not inspected from these. For ends
-# of positions no more is done, and of few viewpoints it is often chance that finds one
-_TIMES_DRAWN = (1, 8)
+# so many times as many viewpoints are drawn for the end of a position as for a target: no more is done for it, and of
+# few viewpoints it is often chance that finds one
+_MORE_VIEWPOINTS = 8
 # displaced poses of each camera of a split target
 _POSES = 20_000
 # times that a target which falls short is improved, and the least share of its error that an end is permitted then
@@ -234,17 +234,15 @@ class _EndPoses:
         judged = child.judge(self.poses)
         seen: NDArray[np.bool_] = np.asarray(judged.inspects.any(axis=0))
         if search:
-            for times in _TIMES_DRAWN:
-                tasks = []
-                for column in np.flatnonzero(~seen):
-                    n_viewpoints = times * run.effort.viewpoints
-                    tasks.append((child.shared, child.names[column], n_viewpoints, run.seed))
-                for poses, drawn in in_order(
-                    run.executor, judged_poses, tasks, run.callbacks.check
-                ):
-                    useful = drawn.inspects.any(axis=1)
-                    seen |= drawn.inspects.any(axis=0)
-                    self.poses = np.concatenate([self.poses, poses[useful]])
+            tasks = []
+            for column in np.flatnonzero(~seen).tolist():
+                times = _MORE_VIEWPOINTS if self._is_position(child, column) else 1
+                n_viewpoints = times * run.effort.viewpoints
+                tasks.append((child.shared, child.names[column], n_viewpoints, run.seed))
+            for poses, drawn in in_order(run.executor, judged_poses, tasks, run.callbacks.check):
+                useful = drawn.inspects.any(axis=1)
+                seen |= drawn.inspects.any(axis=0)
+                self.poses = np.concatenate([self.poses, poses[useful]])
             self._realise(child, seen)
         return [name for k, name in enumerate(names) if seen[alone.owner == k].all()]
 
