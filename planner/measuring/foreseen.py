@@ -41,7 +41,7 @@ from planner.measuring.verdict import Sampled
 from planner.progress import TimeIsUpError, TimeLeft
 from planner.request.dimension import POSITIONS, is_one_sided
 from planner.request.edge_state import EdgeState, spread_of
-from planner.request.registration import OWN_EDGES, RegistrationRecord
+from planner.request.registration import OWN_EDGES
 from planner.sensor_setting import Foreseen
 from planner.verify.setting_record import Measurement, measurements
 
@@ -88,7 +88,6 @@ def foreseen_uncertainties(
     """
     if not plan.settings or not plan.dimensions:
         return []
-    plan = _registered(plan)
     measurer = Measurer(plan, solid)
     rows = []
     for number, setting in enumerate(plan.settings):
@@ -109,16 +108,10 @@ def foreseen_uncertainties(
     return rows
 
 
-def _registered(plan: InspectionPlan) -> InspectionPlan:
-    """Return a plan that says how poses will be known: from the part's own edges, unless something else is planned."""
-    if plan.request.registration is not None:
-        return plan
-    return replace(plan, request=replace(plan.request, registration=RegistrationRecord(OWN_EDGES)))
-
-
 def _by_own_edges(plan: InspectionPlan) -> bool:
+    """Tell whether `measure` will know poses from the part's own edges: it does, unless something else is planned."""
     registration = plan.request.registration
-    return registration is not None and registration.method == OWN_EDGES
+    return registration is None or registration.method == OWN_EDGES
 
 
 def with_foreseen(plan: InspectionPlan, solid: Solid) -> InspectionPlan:
