@@ -178,7 +178,7 @@ def info(options: Info) -> int:
     if options.list:
         return _list_solids(options)
     solid = read_part(options.part, options)
-    with reading_shown(quiet=options.quiet, lines=options.verbose):
+    with shown_reading(options):
         edges = solid.straight_edges(min_length_mm=options.min_length)
         curves = (*solid.rims(), *solid.arcs())
     if options.select is not None:

@@ -62,7 +62,13 @@ from planner.app.job import (
     workspace_of,
 )
 from planner.app.options import Batch, Dimensions, Graph, Optics, Plan, Predict, Simulate
-from planner.app.part import check_nothing_read, print_reading, read_limits, read_part
+from planner.app.part import (
+    check_nothing_read,
+    print_reading,
+    read_limits,
+    read_part,
+    shown_reading,
+)
 from planner.app.process import DONE, INCOMPLETE
 from planner.callbacks import Deadline
 from planner.camera.pose import PoseUncertainty
@@ -93,7 +99,6 @@ from planner.progress import (
     Progress,
     labelled,
     note,
-    reading_shown,
     report,
     terminal_progress,
     visible,
@@ -503,7 +508,7 @@ def _graph(
 def dimensions(options: Dimensions) -> int:
     """Show the dimensions and tolerances an AP242 file states, and the entities that measure them."""
     solid = read_part(options.part, options)
-    with reading_shown(quiet=options.quiet, lines=options.verbose):
+    with shown_reading(options):
         stated = read_requirements(options.part, solid, limits=read_limits(options))
     if not stated:
         raise ReadError(

@@ -45,7 +45,7 @@ from planner.request.problem import why_missed
 from planner.request.targets import targets_of, words_of
 from planner.request.words import requirements_text, tolerance_text
 from planner.rows import split_rows
-from planner.sensor_setting import ReasonKind
+from planner.sensor_setting import ReasonKind, kind_of
 from planner.text_table import (
     Cell,
     Column,
@@ -322,7 +322,7 @@ def _notes(plan: InspectionPlan) -> list[str]:
         texts.append(
             "'aspectgraph lights' with this plan and its part prints which light shows most"
         )
-    if any(getattr(why, "kind", None) in _OF_CAMERA for why in plan.uninspectable.values()):
+    if any(kind_of(reason) in _OF_CAMERA for reason in plan.uninspectable.values()):
         texts.append(
             "another camera may inspect more: 'aspectgraph optics' with the part and its targets ranks bodies and "
             "lenses"
