@@ -338,8 +338,8 @@ def joint_bounds(
     looks = sorted({poses_needed(judge.threshold, at_least) for at_least in _LOOKS})
     for n in looks:
         # a count that ends early states too much of others, so another look must not follow it
-        least = needed if n == looks[-1] else 0.0
-        counts = joint_counts(judge, cam2world, undecided, seed, n, least)
+        bound = needed if n == looks[-1] else 0.0
+        counts = joint_counts(judge, cam2world, undecided, seed, n, bound)
         lower_bounds = counts.lower_of(len(looks))
         bounds.update({name: (lower_bounds[name], counts.n) for name in undecided})
         undecided = tuple(
