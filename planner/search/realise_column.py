@@ -20,16 +20,17 @@ from planner.search.columns import Judge, perturbed
 from planner.search.evolution import Centring, centred, least_share
 from planner.search.plan_setting import best_setting, missing_corners, setting_at, without
 from planner.sensor_setting import Outcome, Reason, ReasonKind, SensorSetting
-from planner.verify.simulate_setting import (
-    MODEL_TOLERANCE,
+from planner.verify.joint_counts import (
+    JOINT_POSES,
+    JOINT_SURE_POSES,
     MOST_REQUIRED,
     DisplacedChecks,
     JointCounts,
-    Posed,
+    looks_of,
     poses_needed,
-    simulate_setting,
     successes_needed,
 )
+from planner.verify.simulate_setting import MODEL_TOLERANCE, Posed, simulate_setting
 
 # displaced poses simulated to check a pose
 _TRIAL_POSES = 4000
@@ -44,13 +45,6 @@ ALL_TRIALS = 1000
 # displaced poses simulated if the first ones contradict a probability. The standard error of the
 # frequency is then at most 0.0025.
 _SURE_POSES = 40_000
-# displaced poses at first in which everything must hold, see `planner.verify.simulate_setting`
-JOINT_POSES = 1000
-# the same where fewer do not decide, and at most for what a plan states
-JOINT_SURE_POSES = 20_000
-# displaced poses of the counts that may decide a trial, one after the other: most that the first leaves open are
-# decided by the second, at a fifth of what the last takes
-_LOOKS = (JOINT_POSES, 4000, JOINT_SURE_POSES)
 # displaced poses times measurements, at most, for all that a plan or a prediction states
 _STATED_POSES = 400_000
 
@@ -334,8 +328,7 @@ def joint_bounds(
     """
     bounds: dict[str, tuple[float, int]] = {}
     undecided = tuple(names)
-    # a high probability takes more poses than the first looks have
-    looks = sorted({poses_needed(judge.threshold, at_least) for at_least in _LOOKS})
+    looks = looks_of(judge.threshold)
     for n in looks:
         # a count that ends early states too much of others, so another look must not follow it
         bound = needed if n == looks[-1] else 0.0
