@@ -33,7 +33,6 @@ from scipy.optimize import Bounds, LinearConstraint, linprog, milp
 from scipy.sparse import csr_matrix
 
 from aspectgraph import compute_regions
-from ground.shared import Shared
 from planner import Camera, Effort, InspectionPlan, PoseUncertainty
 from planner.camera.pose import look_at
 from planner.cover import fractional_cover
@@ -274,7 +273,7 @@ def _as_counted(judge: Judge, pose: np.ndarray, column: np.ndarray) -> np.ndarra
     here = np.isin(judge.names, names) & ~_short(judge, pose, names)
     if (here == column).all():
         return here[None]
-    surer = surer_pose(Shared(judge), pose, names, _SEED)
+    surer = surer_pose(judge, pose, names, _SEED)
     if surer is None:
         return here[None]
     return np.stack([here, column & ~_short(judge, surer, names)])

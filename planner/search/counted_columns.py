@@ -37,7 +37,7 @@ from planner.search.realise_column import (
     with_p_all,
     without_contradicted,
 )
-from planner.search.surer_poses import surer_pose
+from planner.search.surer_poses import surer_pose_near
 from planner.sensor_setting import SensorSetting
 
 # rounds of column generation between two covers
@@ -149,8 +149,10 @@ class CountedColumns:
         if needed <= len(chosen) + int((self._inspected & ~covered).sum()):
             return
         counted = self.counted.membership
-        missing = [c for c in chosen if not (counted[:, run.pool.membership[c]].all(axis=1)).any()]
-        candidates = candidate_settings(run, run.pool, np.array(missing, dtype=int))
+        uncounted = [
+            c for c in chosen if not (counted[:, run.pool.membership[c]].all(axis=1)).any()
+        ]
+        candidates = candidate_settings(run, run.pool, np.array(uncounted, dtype=int))
         for setting, supported in supported_settings(run, candidates):
             column = np.isin(run.names, list(supported))
             sure = np.array([setting.probability.get(name, 0.0) for name in run.names])
@@ -216,7 +218,9 @@ class CountedColumns:
             for setting in nearly
         ]
         moved = []
-        for k, pose in enumerate(in_order(run.executor, surer_pose, tasks, run.callbacks.check)):
+        for k, pose in enumerate(
+            in_order(run.executor, surer_pose_near, tasks, run.callbacks.check)
+        ):
             run.callbacks.report(k + 1, len(tasks), "surer poses")
             if pose is not None:
                 moved.append(

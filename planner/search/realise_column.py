@@ -19,6 +19,7 @@ from planner.request.registration import PoseKnowledge
 from planner.search.columns import Judge, perturbed
 from planner.search.evolution import Centring, centred, least_share
 from planner.search.plan_setting import best_setting, missing_corners, setting_at, without
+from planner.search.surer_poses import surer_pose
 from planner.sensor_setting import Outcome, Reason, ReasonKind, SensorSetting
 from planner.verify.joint_counts import (
     JOINT_POSES,
@@ -200,7 +201,9 @@ def best_supported(
     best: _Tried | None = None
     lowest = np.inf
     poses: Iterable[SensorSetting | PosedOnly] = itertools.chain(
-        options, _near(judge, options[0], rng, _trials_of(settings))
+        options,
+        _surer(judge, options[0], seed),
+        _near(judge, options[0], rng, _trials_of(settings)),
     )
     for pose in poses:
         tried = _Tried(pose, _excess(judge, pose, rng), None)
@@ -411,6 +414,15 @@ def _excess(
 def _trials_of(settings: int) -> int:
     """Return how many neighbours each of so many settings may simulate, one at least."""
     return min(_MOST_TRIALS, max(ALL_TRIALS // max(settings, 1), 1))
+
+
+def _surer(judge: Judge, setting: SensorSetting, seed: int) -> Iterator[PosedOnly]:
+    """Yield the pose near a setting of which counts show more, if there is one."""
+    pose = surer_pose(judge, setting.cam2world, setting.entities, seed)
+    if pose is not None:
+        judged = judge(pose[None])
+        stated = dict(zip(judge.names, judged.probability[0].tolist(), strict=True))
+        yield PosedOnly(pose, setting.entities, {name: stated[name] for name in setting.entities})
 
 
 def _near(

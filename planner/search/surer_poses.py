@@ -36,20 +36,20 @@ _FIRST_LENGTH = 1.0
 _LONGER = 1.5
 _SHORTER = 0.4
 # standard errors that a slope has to be from zero
-_SIGNIFICANT = 2.0
+_SIGNIFICANT = 3.0
 # standard errors of the count that the least P_all has to be above what the first look of a count is to show
 _TO_SPARE = 1.0
 
 
 def surer_pose(
-    shared: Shared, cam2world: NDArray[np.float64], names: Sequence[str], seed: int
+    judge: Judge, cam2world: NDArray[np.float64], names: Sequence[str], seed: int
 ) -> NDArray[np.float64] | None:
     """Look near a pose for one from which each target has a P_all that a count can show.
 
     Parameters
     ----------
-    shared : Shared of Judge
-        Holds the request.
+    judge : Judge
+        Has the request.
     cam2world : array (4, 4)
         A pose that inspects the targets, but for P_all.
     names : sequence of str
@@ -63,7 +63,6 @@ def surer_pose(
         The best pose found, if it is better than the given one; it inspects all targets. Its P_all is to be counted
         with other draws.
     """
-    judge: Judge = shared.value
     shown = share_to_show(judge.threshold, look=0)
     enough = min(shown + _TO_SPARE * np.sqrt(shown * (1.0 - shown) / _POSES), 1.0)
     climb = _Climb(judge, names, seed)
@@ -71,19 +70,26 @@ def surer_pose(
     held = climb.held(best)
     length = _FIRST_LENGTH
     for _ in range(_STEPS):
-        least = held.mean(axis=0).min()
-        if least >= enough:
+        lowest = held.mean(axis=0).min()
+        if lowest >= enough:
             break
         pose = climb.step(best, held, length)
         rises = False
         if climb.inspects(pose):
             held_there = climb.held(pose)
-            rises = bool(held_there.mean(axis=0).min() > least)
+            rises = bool(held_there.mean(axis=0).min() > lowest)
         if rises:
             best = pose
             held = held_there
         length *= _LONGER if rises else _SHORTER
     return None if best is cam2world else best
+
+
+def surer_pose_near(
+    shared: Shared, cam2world: NDArray[np.float64], names: Sequence[str], seed: int
+) -> NDArray[np.float64] | None:
+    """Return what `surer_pose` returns, as a task for any executor; ``shared`` holds the judge."""
+    return surer_pose(shared.value, cam2world, names, seed)
 
 
 class _Climb:

@@ -13,6 +13,7 @@ from grid_box import EDGES, BoxSpace
 
 from planner import Camera, Effort, is_cover, look_at, min_cover, plan_inspection
 from planner.callbacks import NOBODY, Checkpoint
+from planner.cover import few_columns
 from planner.request.problem import Problem
 from planner.search import counted_columns
 from planner.search.columns import ColumnPool, Judge
@@ -41,7 +42,7 @@ class World:
         self.pool.quality = np.ones(len(promised))
         self.promises = SimpleNamespace(contradicted_in=self.short)
         monkeypatch.setattr(counted_columns, "candidate_settings", self.settings)
-        monkeypatch.setattr(counted_columns, "surer_pose", lambda *_: None)
+        monkeypatch.setattr(counted_columns, "surer_pose_near", lambda *_: None)
 
     def nodes(self, share=1.0):
         return 100
@@ -161,18 +162,30 @@ def test_no_cover_is_larger_than_one_of_the_columns_as_judged(seed, monkeypatch)
             holds = supported[repaired[-1]]
             yield setting, frozenset(np.array(run.names)[holds].tolist())
 
+    chosen = []
+
+    def few(membership, *others):
+        chosen.append(few_columns(membership, *others))
+        return chosen[-1]
+
     monkeypatch.setattr(counted_columns, "supported_settings", better)
-    wanted = np.ones(N_TARGETS, dtype=bool)
-    columns = CountedColumns(world, wanted)
+    columns = CountedColumns(world, np.ones(N_TARGETS, dtype=bool))
     before = columns.count_cover()
-    columns.search(0, 1, Checkpoint())
+    whole = (columns.counted.membership[:, None] >= world.pool.membership).all(axis=2).any(axis=0)
+    monkeypatch.setattr(counted_columns, "few_columns", few)
+    columns.repair(before)
     after = columns.count_cover()
     assert after <= before
     judged = fewest(world.pool.membership)
-    assert bool(repaired) == (before > judged and before > 1)
-    if repaired:
-        assert len(repaired) == judged
-        assert after <= judged + (~supported[repaired].any(axis=0)).sum()
+    if before == judged:
+        assert not repaired
+        return
+    # those that counts show as a whole are there already
+    assert sorted(repaired) == sorted(c for c in chosen[0] if not whole[c])
+    there = supported[repaired].any(axis=0) | world.pool.membership[chosen[0]][
+        whole[chosen[0]]
+    ].any(axis=0)
+    assert after <= judged + (~there).sum()
 
 
 def test_where_nothing_is_short_nothing_is_searched(monkeypatch):
@@ -186,7 +199,7 @@ def test_what_is_short_of_little_is_counted_where_it_is_surer(monkeypatch):
     """One column holds all but one target; nearby all of them hold, and one setting is enough."""
     world = World([[1, 1, 1], [0, 0, 1]], [[1, 1, 0], [0, 0, 1], [1, 1, 1]], monkeypatch)
     there = poses_at([2])[0]
-    monkeypatch.setattr(counted_columns, "surer_pose", lambda *_: there)
+    monkeypatch.setattr(counted_columns, "surer_pose_near", lambda *_: there)
     monkeypatch.setattr(
         counted_columns,
         "setting_at",
@@ -201,7 +214,7 @@ def test_what_is_short_of_little_is_counted_where_it_is_surer(monkeypatch):
         name: 5.0 * missing for name, missing in far.short(setting).items()
     }
     # what is short of much is not looked for nearby
-    monkeypatch.setattr(counted_columns, "surer_pose", None)
+    monkeypatch.setattr(counted_columns, "surer_pose_near", None)
     assert CountedColumns(far, np.ones(3, dtype=bool)).count_cover() == 2
 
 

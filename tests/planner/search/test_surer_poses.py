@@ -9,7 +9,6 @@ import pytest
 from grid_box import BoxSpace
 from scipy.stats import norm
 
-from ground.shared import Shared
 from planner import Camera, PoseUncertainty, look_at
 from planner.camera.pose import world_to_cam
 from planner.request.problem import Problem
@@ -53,7 +52,7 @@ def test_a_pose_at_the_end_of_the_depth_of_field_moves_into_it(limit):
     inward = 1.0 - 2.0 * limit
     start = above_the_box(CAMERA.depth_of_field_mm[limit] + inward * 0.7 * SIGMA_MM)
     assert in_focus(judge, start) == pytest.approx(norm.cdf(0.7), abs=1e-6)
-    found = surer_pose(Shared(judge), start, judge.names, seed=0)
+    found = surer_pose(judge, start, judge.names, seed=0)
     assert in_focus(judge, found) > share_to_show(REQUIRED)
     assert judge(found[None]).inspects.all()
     # only along the axis a shift changes what displaced poses show
@@ -67,9 +66,9 @@ def test_a_pose_at_the_end_of_the_depth_of_field_moves_into_it(limit):
 def test_where_it_is_sure_enough_or_no_better_nothing_is_moved():
     judge = judge_of(("+z-y",))
     near, far = CAMERA.depth_of_field_mm
-    assert surer_pose(Shared(judge), above_the_box((near + far) / 2), judge.names, seed=0) is None
+    assert surer_pose(judge, above_the_box((near + far) / 2), judge.names, seed=0) is None
     # far out of focus all fail, and there is no slope
-    assert surer_pose(Shared(judge), above_the_box(near - 30.0), judge.names, seed=0) is None
+    assert surer_pose(judge, above_the_box(near - 30.0), judge.names, seed=0) is None
 
 
 def halves(climb, sides):
