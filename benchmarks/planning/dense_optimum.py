@@ -273,7 +273,8 @@ def _as_counted(judge: Judge, pose: np.ndarray, column: np.ndarray) -> np.ndarra
     here = np.isin(judge.names, names) & ~_short(judge, pose, names)
     if (here == column).all():
         return here[None]
-    surer = surer_pose(judge, pose, names, _SEED)
+    stated = dict(zip(judge.names, judge(pose[None]).probability[0].tolist(), strict=True))
+    surer = surer_pose(judge, pose, {name: stated[name] for name in names}, _SEED)
     if surer is None:
         return here[None]
     return np.stack([here, column & ~_short(judge, surer, names)])

@@ -212,7 +212,7 @@ class CountedColumns:
             (
                 run.shared,
                 setting.cam2world,
-                setting.entities,
+                setting.probability,
                 derive_seed(run.seed, setting.entities),
             )
             for setting in nearly

@@ -418,7 +418,7 @@ def _trials_of(settings: int) -> int:
 
 def _surer(judge: Judge, setting: SensorSetting, seed: int) -> Iterator[PosedOnly]:
     """Yield the pose near a setting of which counts show more, if there is one."""
-    pose = surer_pose(judge, setting.cam2world, setting.entities, seed)
+    pose = surer_pose(judge, setting.cam2world, setting.probability, seed)
     if pose is not None:
         judged = judge(pose[None])
         stated = dict(zip(judge.names, judged.probability[0].tolist(), strict=True))

@@ -35,6 +35,10 @@ def above_the_box(depth_mm):
     return look_at(middle[None] + [0.0, 0.0, depth_mm], middle)[0]
 
 
+def stated(judge, probability=REQUIRED):
+    return dict.fromkeys(judge.names, probability)
+
+
 def in_focus(judge, pose):
     """The least probability that both ends of an edge are in focus, by the normal distribution of the depth."""
     depth = world_to_cam(judge.problem.ends, pose)[..., 2]
@@ -52,7 +56,7 @@ def test_a_pose_at_the_end_of_the_depth_of_field_moves_into_it(limit):
     inward = 1.0 - 2.0 * limit
     start = above_the_box(CAMERA.depth_of_field_mm[limit] + inward * 0.7 * SIGMA_MM)
     assert in_focus(judge, start) == pytest.approx(norm.cdf(0.7), abs=1e-6)
-    found = surer_pose(judge, start, judge.names, seed=0)
+    found = surer_pose(judge, start, stated(judge), seed=0)
     assert in_focus(judge, found) > share_to_show(REQUIRED)
     assert judge(found[None]).inspects.all()
     # only along the axis a shift changes what displaced poses show
@@ -63,12 +67,20 @@ def test_a_pose_at_the_end_of_the_depth_of_field_moves_into_it(limit):
     assert min(counts.lower.values()) > REQUIRED
 
 
+def test_what_is_stated_is_aimed_at_too():
+    """Where 0.999 is stated, 0.95 would contradict it: the pose moves farther from the limit."""
+    judge = judge_of(("+z-y", "+z+x"))
+    start = above_the_box(CAMERA.depth_of_field_mm[0] + 0.7 * SIGMA_MM)
+    found = surer_pose(judge, start, stated(judge, 0.999), seed=0)
+    assert in_focus(judge, found) > 0.99
+
+
 def test_where_it_is_sure_enough_or_no_better_nothing_is_moved():
     judge = judge_of(("+z-y",))
     near, far = CAMERA.depth_of_field_mm
-    assert surer_pose(judge, above_the_box((near + far) / 2), judge.names, seed=0) is None
+    assert surer_pose(judge, above_the_box((near + far) / 2), stated(judge), seed=0) is None
     # far out of focus all fail, and there is no slope
-    assert surer_pose(judge, above_the_box(near - 30.0), judge.names, seed=0) is None
+    assert surer_pose(judge, above_the_box(near - 30.0), stated(judge), seed=0) is None
 
 
 def halves(climb, sides):
@@ -85,7 +97,7 @@ def test_a_step_leads_to_the_best_shift():
     """Success at z0 < 0.5 is as probable as Φ(0.5 - shift): the step goes down z0 as far as it may."""
     uncertainty = PoseUncertainty.isotropic(translation_mm=0.1, rotation_rad=0.001)
     judge = judge_of(("+z-y", "+z+x"), uncertainty)
-    climb = _Climb(judge, judge.names, seed=3)
+    climb = _Climb(judge, stated(judge), seed=3)
     start = above_the_box(400.0)
     x, y = np.eye(6)[:2]
     one = climb.step(start, halves(climb, [(x, 0.5), (x, 1.0)]), length=1.0)
