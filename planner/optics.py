@@ -47,7 +47,7 @@ from planner.request.targets import Target, knowledge_of
 from planner.resolve_request import problem_on, resolve_request, resolve_targets
 from planner.search.realise_column import poses_stated
 from planner.text_table import Column, Table, count
-from planner.verify.simulate_setting import MOST_REQUIRED, DisplacedChecks, poses_needed
+from planner.verify.joint_counts import MOST_REQUIRED, DisplacedChecks, poses_needed
 
 if TYPE_CHECKING:
     from aspectgraph import Solid

@@ -10,9 +10,12 @@ far: only of poses worth more than 1 is all asked. Columns that displaced poses 
 Of all these columns and those of the plan, an integer program (HiGHS) chooses the fewest that inspect what the
 plan inspects. It also states how many are needed at least *of this pool*, and the relaxation's value.
 
-If the smallest cover is smaller than the plan, the plan is not the best one. If it is as large and far above the bound,
-the bound is weak there, or poses exist that no draw has met. The pool is optimistic: a plan counts everything over
-displaced poses before it states it, and the pool does not.
+The pool is optimistic: a plan counts everything over displaced poses before it states it. So the smallest cover is
+chosen again and again, and its columns are counted, until all of one hold as counted (row generation). Where a column
+is short of a target, a pose nearby of which a count shows more is looked for, as the search does.
+
+If that cover is smaller than the plan, the plan is not the best one. If it is as large and far above the bound, the
+bound is weak there, or poses exist that no draw has met.
 """
 
 from __future__ import annotations
@@ -38,6 +41,8 @@ from planner.options import InspectionOptions
 from planner.request.camera_limits import default_workspace
 from planner.request.problem import Problem
 from planner.search.columns import ColumnPool, Judge, Pools, perturbed, poses_in_focus
+from planner.search.realise_column import shortfalls
+from planner.search.surer_poses import surer_pose
 
 # a block of 14 faces, 30 x 20 x 15 mm, and ten of its edges
 BLOCK = "own-block"
@@ -54,6 +59,8 @@ REQUESTS = {**CASES, **OTHERS}
 PARTS = (*CASES, BLOCK, *OTHERS)
 # poses judged at a time; the columns kept of them are where the next ones are drawn
 _ROUND = 2_000
+# of the displaced poses of counts
+_SEED = 7
 # of all poses, this share looks from anywhere, and as many have entities in focus
 _DRAWN = 0.05
 
@@ -73,9 +80,11 @@ class Gap:
     poses, columns : int
         Poses judged for the pool, and its columns that no other one contains.
     optimum : int
-        Columns of the smallest cover that the integer program found.
+        Columns of the smallest cover that the integer program found, as judged.
     at_least : int
-        Columns that a cover of this pool needs.
+        Columns that a cover of this pool needs, as judged.
+    counted : int
+        Columns of the smallest cover found of which each was counted.
     relaxation : float
         Value of the linear relaxation of the cover over this pool.
     plan_seconds, pool_seconds : float
@@ -92,6 +101,7 @@ class Gap:
     columns: int
     optimum: int
     at_least: int
+    counted: int
     relaxation: float
     plan_seconds: float = 0.0
     pool_seconds: float = 0.0
@@ -209,8 +219,8 @@ def _in_workspace(judge: Judge, poses: np.ndarray) -> np.ndarray:
     return poses[((positions >= low) & (positions <= high)).all(axis=1)]
 
 
-def smallest_cover(membership: np.ndarray, seconds: float) -> tuple[int, int, float]:
-    """Return the columns of a smallest cover found, how many are needed at least, and the relaxation's value."""
+def smallest_cover(membership: np.ndarray, seconds: float) -> tuple[np.ndarray, int, float]:
+    """Return a smallest cover found (c,), how many columns are needed at least, and the relaxation's value."""
     contains = csr_matrix(membership.T.astype(float))
     cost = np.ones(len(membership))
     relaxed = linprog(cost, A_ub=-contains, b_ub=-np.ones(contains.shape[0]))
@@ -222,7 +232,56 @@ def smallest_cover(membership: np.ndarray, seconds: float) -> tuple[int, int, fl
         options={"time_limit": seconds},
     )
     at_least = int(np.ceil(max(whole.mip_dual_bound, relaxed.fun) - 1e-6))
-    return round(whole.fun), at_least, float(relaxed.fun)
+    return np.flatnonzero(whole.x > 0.5), at_least, float(relaxed.fun)
+
+
+def counted_cover(
+    judge: Judge, pool: ColumnPool, settings: np.ndarray, wanted: np.ndarray, seconds: float
+) -> int:
+    """Return how many columns the smallest cover takes that was found of counted ones.
+
+    Parameters
+    ----------
+    judge : Judge
+        Holds the request.
+    pool : ColumnPool
+        Columns as judged.
+    settings : array of bool (s, k)
+        Columns of the plan, which are counted.
+    wanted : array of bool (k,)
+        What is to be covered.
+    seconds : float
+        For each integer program.
+    """
+    judged = pool.membership
+    poses = pool.poses
+    counted = settings
+    while True:
+        cover, _, _ = smallest_cover(np.concatenate([judged, counted])[:, wanted], seconds)
+        new = cover[cover < len(judged)]
+        if not new.size:
+            return len(cover)
+        held = [_as_counted(judge, poses[c], judged[c] & wanted) for c in new]
+        counted = np.concatenate([counted, *held])
+        judged = np.delete(judged, new, axis=0)
+        poses = np.delete(poses, new, axis=0)
+
+
+def _as_counted(judge: Judge, pose: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """Return what counts show of a column, at its pose and at a surer one nearby; (1 or 2, k)."""
+    names = tuple(np.array(judge.names)[column].tolist())
+    here = np.isin(judge.names, names) & ~_short(judge, pose, names)
+    if (here == column).all():
+        return here[None]
+    stated = dict(zip(judge.names, judge(pose[None]).probability[0].tolist(), strict=True))
+    surer = surer_pose(judge, pose, {name: stated[name] for name in names}, _SEED)
+    if surer is None:
+        return here[None]
+    return np.stack([here, column & ~_short(judge, surer, names)])
+
+
+def _short(judge: Judge, pose: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
+    return np.isin(judge.names, list(shortfalls(judge, pose, names, _SEED)))
 
 
 def gap(
@@ -231,11 +290,12 @@ def gap(
     """Measure one request; the integer program may take so many seconds."""
     known = np.array([setting.cam2world for setting in plan.settings])
     pool = dense_pool(judge, known, n_poses, 0)
-    columns = pool.membership
+    inspected = np.isin(judge.names, list(plan.inspected))
     # what the plan promises is a column, whatever the judge says without displaced poses
-    settings = [np.isin(judge.names, setting.entities) for setting in plan.settings]
-    columns = np.concatenate([columns, settings])[:, np.isin(judge.names, list(plan.inspected))]
+    settings = np.array([np.isin(judge.names, setting.entities) for setting in plan.settings])
+    columns = np.concatenate([pool.membership, settings])[:, inspected]
     optimum, at_least, relaxation = smallest_cover(columns, seconds)
+    counted = counted_cover(judge, pool, settings, inspected, seconds)
     return Gap(
         part,
         effort,
@@ -245,8 +305,9 @@ def gap(
         plan.lower_bound,
         n_poses,
         len(pool),
-        optimum,
+        len(optimum),
         at_least,
+        counted,
         relaxation,
     )
 

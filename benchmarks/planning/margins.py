@@ -26,7 +26,7 @@ from planner.resolve_request import ResolvedRequest
 from planner.search.columns import Judge
 from planner.search.evolution import Centring, least_share
 from planner.search.realise_column import centre_setting
-from planner.verify.simulate_setting import DisplacedChecks
+from planner.verify.joint_counts import DisplacedChecks
 
 
 def request_of(path):

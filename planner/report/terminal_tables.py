@@ -57,7 +57,8 @@ from planner.text_table import (
     print_text,
     words,
 )
-from planner.verify.simulate_setting import CONFIDENCE, CONFIRMED, lower_bound
+from planner.verify.joint_counts import CONFIDENCE, lower_bound
+from planner.verify.simulate_setting import CONFIRMED
 
 if TYPE_CHECKING:
     from aspectgraph import GeometricTolerance, ModelDimension, ModelRequirements

@@ -22,6 +22,7 @@ from planner.request.problem import Problem
 from planner.request.reach import cells_of, visible_where
 from planner.search.evolution import triangular_factor
 from planner.search.poses import ViewpointSampler
+from planner.verify.joint_counts import share_to_show
 
 # Which entities a pose inspects, judged for many poses at once.
 #
@@ -201,6 +202,9 @@ class Judgement:
         All constraints hold and the probability reaches the threshold.
     nearly : array of bool (n, k)
         The same with some slack; contains ``inspects``.
+    countable : array of bool (n, k)
+        Those of ``inspects`` that a count of displaced poses will probably show: chance takes a share of what it finds,
+        so the probability has to be above the threshold by as much.
     probability : array (n, k)
         Success probability; 0 where the constraints rule the entity out.
     promise : array (n, k)
@@ -209,6 +213,7 @@ class Judgement:
 
     inspects: np.ndarray
     nearly: np.ndarray
+    countable: np.ndarray
     probability: np.ndarray
     promise: np.ndarray
 
@@ -242,6 +247,7 @@ class Judge:
         self.camera = problem.camera
         self.accuracy = problem.accuracy
         self.threshold = problem.probability
+        self._to_be_counted = share_to_show(self.threshold)
         self.requirements = problem.requirements
         # each witness is judged for itself; a pose inspects a target by any of them
         self.single = problem.single
@@ -280,7 +286,8 @@ class Judge:
         ]
         if not parts:
             empty = np.zeros((0, len(self.names)))
-            return Judgement(empty.astype(bool), empty.astype(bool), empty, empty)
+            nothing = empty.astype(bool)
+            return Judgement(nothing, nothing, nothing, empty, empty)
         return Judgement.joined(parts)
 
     def steady(self, cam2world: np.ndarray, membership: np.ndarray) -> np.ndarray:
@@ -342,7 +349,8 @@ class Judge:
         shown = self._detectable(cam2world, nearly, probability, worth)
         self._keep_reachable(cam2world, nearly, probability)
         inspects = (missed == 0.0) & nearly & shown & (sure >= self.threshold)
-        judged = Judgement(inspects, nearly, probability, np.exp(-missed))
+        countable = inspects & (sure >= self._to_be_counted)
+        judged = Judgement(inspects, nearly, countable, probability, np.exp(-missed))
         return judged if self._by_witness is None else self._by_witness.of_targets(judged)
 
     def _with_focus(
@@ -459,7 +467,11 @@ class _ByWitness:
         sure = self.largest(np.where(judged.inspects, judged.probability, 0.0))
         probability = np.where(inspects, sure, self.largest(judged.probability))
         return Judgement(
-            inspects, self.any(judged.nearly), probability, self.largest(judged.promise)
+            inspects,
+            self.any(judged.nearly),
+            self.any(judged.countable),
+            probability,
+            self.largest(judged.promise),
         )
 
 
@@ -749,7 +761,7 @@ class Pools(NamedTuple):
     Attributes
     ----------
     realised : ColumnPool
-        What poses inspect.
+        What poses inspect, as far as a count will probably show it.
     near : ColumnPool
         Optimistic columns: what they nearly inspect.
     """
@@ -759,7 +771,7 @@ class Pools(NamedTuple):
 
     def add(self, poses: np.ndarray, judged: Judgement, steady: Steady | None = None) -> None:
         """Add poses (n, 4, 4) as judged; what is not steady, see `ColumnPool.add`, only to the near columns."""
-        self.realised.add(judged.inspects, poses, judged.probability, steady)
+        self.realised.add(judged.countable, poses, judged.probability, steady)
         self.near.add(judged.nearly, poses, judged.probability)
 
     def to_dict(self) -> dict[str, Any]:
@@ -928,7 +940,7 @@ def _improve(
     batches = [(shared, children[i : i + _BATCH], prices) for i in range(0, len(children), _BATCH)]
     judged = Judgement.joined(list(in_order(executor, _judged, batches)))
     pools.add(children, judged, shared.value.steady)
-    improving = judged.inspects[: len(drawn)] @ prices > 1.0 + 1e-6
+    improving = judged.countable[: len(drawn)] @ prices > 1.0 + 1e-6
     in_vain = 0 if improving.any() else breed.in_vain + 1
     return _Breed(children[_champions(judged.promise, prices, rng)], in_vain)
 

@@ -6,11 +6,10 @@ search, so columns are counted only where a cover makes use of them. This is row
 of what can be counted, and is tightened where its optimum is.
 
 1. Choose a cover of the columns that are counted and those that are not.
-2. Count what is new in it. What holds joins the counted columns, and the judged column leaves the pool.
+2. Count what is new in it. What holds joins the counted columns, and the judged column leaves the pool. Where little is
+   missing, a pose nearby of which a count shows more is searched, and joins them, too (`planner.search.surer_poses`).
 3. Repeat until all columns of the cover are counted.
 4. Search more columns by prices, which now tell where columns were lost, and begin again.
-5. Where the cover is still larger than one of the columns as judged, better poses are searched for the columns of
-   that one. They join the counted columns, and the cover is chosen once more.
 
 Targets that no counted column contains any more are left to the search for settings of their own, see
 `planner.search.stages.ShortTargets`.
@@ -18,7 +17,7 @@ Targets that no counted column contains any more are left to the search for sett
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -27,6 +26,7 @@ from numpy.typing import NDArray
 
 from planner.callbacks import Checkpoint
 from planner.cover import few_columns
+from planner.executors import in_order
 from planner.search.columns import ColumnPool, Pools, WarmStart, derive_seed, price_poses
 from planner.search.incumbents import REFUTING_SHARE, SearchRun, candidate_settings
 from planner.search.plan_setting import setting_at
@@ -37,14 +37,18 @@ from planner.search.realise_column import (
     with_p_all,
     without_contradicted,
 )
+from planner.search.surer_poses import surer_pose_near
 from planner.sensor_setting import SensorSetting
 
 # rounds of column generation between two covers
 _ROUNDS = 10
 # the search ends after this many covers that are no better than one before
-_IN_VAIN = 3
+_IN_VAIN = 2
 # least gain in the sum of the probabilities. A smaller gain is rounding.
 _FITNESS_GAIN = 1e-6
+# a pose that is short of the required P_all by this at most is worth a search nearby
+_WITHIN_REACH = 0.2
+_MOVED = "moved to where more is counted"
 
 
 class CountedColumns:
@@ -126,13 +130,12 @@ class CountedColumns:
             self._turn += 1
             self._search_columns(min(_ROUNDS, remaining))
             checkpoint.put("counted", self.entry())
-        if not nothing_short and needed > bound:
-            self.repair(needed)
 
     def repair(self, needed: int) -> None:
         """Let a cover of the columns as judged join, each column at the best pose that simulation supports.
 
-        Where that cover alone would do with fewer settings, the cover of all counted columns has no more either.
+        Those that a counted column contains are there already. Where that cover alone would do with fewer settings, the
+        cover of all counted columns has no more either.
 
         Parameters
         ----------
@@ -145,9 +148,12 @@ class CountedColumns:
         chosen = few_columns(membership, run.nodes(), run.rng("settings"), run.pool.quality)
         if needed <= len(chosen) + int((self._inspected & ~covered).sum()):
             return
-        for setting, supported in supported_settings(
-            run, candidate_settings(run, run.pool, chosen)
-        ):
+        counted = self.counted.membership
+        uncounted = [
+            c for c in chosen if not (counted[:, run.pool.membership[c]].all(axis=1)).any()
+        ]
+        candidates = candidate_settings(run, run.pool, np.array(uncounted, dtype=int))
+        for setting, supported in supported_settings(run, candidates):
             column = np.isin(run.names, list(supported))
             sure = np.array([setting.probability.get(name, 0.0) for name in run.names])
             self.counted.add(column[None], setting.cam2world[None], sure[None])
@@ -182,12 +188,47 @@ class CountedColumns:
         self.candidates = _some(self.candidates, remain)
         for k, _ in enumerate(run.simulate(settings), 1):
             run.callbacks.report(k, len(settings), "counted poses")
+        nearly = []
         for setting in settings:
             short = run.promises.contradicted_in(setting)
-            column = np.isin(run.names, [name for name in setting.entities if name not in short])
-            sure = np.array([setting.probability.get(name, 0.0) for name in run.names])
-            self.counted.add(column[None], setting.cam2world[None], sure[None])
+            self._add(setting, short)
             self._n_short += len(short)
+            if short and max(short.values()) <= _WITHIN_REACH:
+                nearly.append(setting)
+        for setting in self._surer(nearly):
+            self._add(setting, run.promises.contradicted_in(setting))
+
+    def _add(self, setting: SensorSetting, short: Collection[str]) -> None:
+        """Let what a count shows of a setting join the counted columns: all but what is short."""
+        names = self._run.names
+        column = np.isin(names, [name for name in setting.entities if name not in short])
+        sure = np.array([setting.probability.get(name, 0.0) for name in names])
+        self.counted.add(column[None], setting.cam2world[None], sure[None])
+
+    def _surer(self, nearly: Sequence[SensorSetting]) -> list[SensorSetting]:
+        """Return settings near those that are short of little, as far as there are better ones; simulated."""
+        run = self._run
+        tasks = [
+            (
+                run.shared,
+                setting.cam2world,
+                setting.probability,
+                derive_seed(run.seed, setting.entities),
+            )
+            for setting in nearly
+        ]
+        moved = []
+        for k, pose in enumerate(
+            in_order(run.executor, surer_pose_near, tasks, run.callbacks.check)
+        ):
+            run.callbacks.report(k + 1, len(tasks), "surer poses")
+            if pose is not None:
+                moved.append(
+                    setting_at(run.problem, pose, nearly[k].entities, _MOVED, nearly[k].seed)
+                )
+        for _ in run.simulate(moved):
+            pass
+        return moved
 
     def _search_columns(self, rounds: int) -> None:
         """Add candidates by column generation, with prices of what is counted and of what is not counted yet."""

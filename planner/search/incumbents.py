@@ -279,7 +279,9 @@ class SearchRun:
             return ()
         pose = outcome.setting.cam2world[None]
         judged = self.judge(pose)
-        self.pool.add(judged.inspects, pose, judged.probability)
+        # what it was run for is counted in any case: there may be no better pose
+        asked_for = np.isin(self.names, outcome.setting.entities)
+        self.pool.add(judged.countable | judged.inspects & asked_for, pose, judged.probability)
         return self.names_of(judged.inspects[0])
 
     def realise(self, sets: Sequence[tuple[str, ...]]) -> list[Outcome]:
@@ -826,7 +828,7 @@ class Incumbents:
             pool = ColumnPool(len(run.names))
             poses = _evenly(first_poses(run.judge, directions, run.seed), len(run.names))
             judged = self._judged_in_parts(run, poses)
-            pool.add(judged.inspects, poses, judged.probability)
+            pool.add(judged.countable, poses, judged.probability)
             self._offer(run, pool, covers=1)
             if self.best is not None:
                 deadline.arm_soon()

@@ -19,17 +19,19 @@ from planner.request.registration import PoseKnowledge
 from planner.search.columns import Judge, perturbed
 from planner.search.evolution import Centring, centred, least_share
 from planner.search.plan_setting import best_setting, missing_corners, setting_at, without
+from planner.search.surer_poses import surer_pose
 from planner.sensor_setting import Outcome, Reason, ReasonKind, SensorSetting
-from planner.verify.simulate_setting import (
-    MODEL_TOLERANCE,
+from planner.verify.joint_counts import (
+    JOINT_POSES,
+    JOINT_SURE_POSES,
     MOST_REQUIRED,
     DisplacedChecks,
     JointCounts,
-    Posed,
+    looks_of,
     poses_needed,
-    simulate_setting,
     successes_needed,
 )
+from planner.verify.simulate_setting import MODEL_TOLERANCE, Posed, simulate_setting
 
 # displaced poses simulated to check a pose
 _TRIAL_POSES = 4000
@@ -44,13 +46,6 @@ ALL_TRIALS = 1000
 # displaced poses simulated if the first ones contradict a probability. The standard error of the
 # frequency is then at most 0.0025.
 _SURE_POSES = 40_000
-# displaced poses at first in which everything must hold, see `planner.verify.simulate_setting`
-JOINT_POSES = 1000
-# the same where fewer do not decide, and at most for what a plan states
-JOINT_SURE_POSES = 20_000
-# displaced poses of the counts that may decide a trial, one after the other: most that the first leaves open are
-# decided by the second, at a fifth of what the last takes
-_LOOKS = (JOINT_POSES, 4000, JOINT_SURE_POSES)
 # displaced poses times measurements, at most, for all that a plan or a prediction states
 _STATED_POSES = 400_000
 
@@ -206,7 +201,9 @@ def best_supported(
     best: _Tried | None = None
     lowest = np.inf
     poses: Iterable[SensorSetting | PosedOnly] = itertools.chain(
-        options, _near(judge, options[0], rng, _trials_of(settings))
+        options,
+        _surer(judge, options[0], seed),
+        _near(judge, options[0], rng, _trials_of(settings)),
     )
     for pose in poses:
         tried = _Tried(pose, _excess(judge, pose, rng), None)
@@ -334,8 +331,7 @@ def joint_bounds(
     """
     bounds: dict[str, tuple[float, int]] = {}
     undecided = tuple(names)
-    # a high probability takes more poses than the first looks have
-    looks = sorted({poses_needed(judge.threshold, at_least) for at_least in _LOOKS})
+    looks = looks_of(judge.threshold)
     for n in looks:
         # a count that ends early states too much of others, so another look must not follow it
         bound = needed if n == looks[-1] else 0.0
@@ -418,6 +414,15 @@ def _excess(
 def _trials_of(settings: int) -> int:
     """Return how many neighbours each of so many settings may simulate, one at least."""
     return min(_MOST_TRIALS, max(ALL_TRIALS // max(settings, 1), 1))
+
+
+def _surer(judge: Judge, setting: SensorSetting, seed: int) -> Iterator[PosedOnly]:
+    """Yield the pose near a setting of which counts show more, if there is one."""
+    pose = surer_pose(judge, setting.cam2world, setting.probability, seed)
+    if pose is not None:
+        judged = judge(pose[None])
+        stated = dict(zip(judge.names, judged.probability[0].tolist(), strict=True))
+        yield PosedOnly(pose, setting.entities, {name: stated[name] for name in setting.entities})
 
 
 def _near(

@@ -48,8 +48,8 @@ from planner.search.plan_setting import setting_at, without
 from planner.search.realise_column import centre_setting, keeps, poses_stated, realise
 from planner.search.stages import settle, without_unproven
 from planner.sensor_setting import Reason, ReasonKind, SensorSetting, SplitValue
-from planner.verify.simulate_setting import MOST_REQUIRED, poses_needed
-from planner.verify.simulate_setting import lower_bound as p_all_bound
+from planner.verify.joint_counts import MOST_REQUIRED, poses_needed
+from planner.verify.joint_counts import lower_bound as p_all_bound
 from planner.verify.simulate_split import SplitCameras, checks_of, split_successes
 
 Array = NDArray[np.float64]

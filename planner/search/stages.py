@@ -66,7 +66,6 @@ from planner.search.incumbents import (
 from planner.search.plan_setting import setting_at, without
 from planner.search.realise_column import (
     ALL_TRIALS,
-    JOINT_POSES,
     centre_setting,
     is_counted,
     joint_bounds,
@@ -76,7 +75,7 @@ from planner.search.realise_column import (
     without_corners,
 )
 from planner.sensor_setting import Reason, ReasonKind, SensorSetting
-from planner.verify.simulate_setting import MOST_REQUIRED
+from planner.verify.joint_counts import JOINT_POSES, MOST_REQUIRED
 
 if TYPE_CHECKING:
     from planner.camera.camera import Camera

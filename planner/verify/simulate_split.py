@@ -20,8 +20,8 @@ from planner.camera.pose import PoseUncertainty
 from planner.request.problem import Problem
 from planner.request.registration import PoseKnowledge
 from planner.request.targets import PlannedDimension, end_of
+from planner.verify.joint_counts import DisplacedChecks
 from planner.verify.simulate_setting import (
-    DisplacedChecks,
     SuccessRate,
     ValuePoses,
     clopper_pearson,

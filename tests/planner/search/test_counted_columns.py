@@ -13,6 +13,7 @@ from grid_box import EDGES, BoxSpace
 
 from planner import Camera, Effort, is_cover, look_at, min_cover, plan_inspection
 from planner.callbacks import NOBODY, Checkpoint
+from planner.cover import few_columns
 from planner.request.problem import Problem
 from planner.search import counted_columns
 from planner.search.columns import ColumnPool, Judge
@@ -30,6 +31,7 @@ class World:
         self.seed = 0
         self.executor = None
         self.shared = None
+        self.problem = None
         self.truth = np.array(truth, dtype=bool)
         self.names = [f"e{i}" for i in range(self.truth.shape[1])]
         self.counts = Counter()
@@ -40,6 +42,7 @@ class World:
         self.pool.quality = np.ones(len(promised))
         self.promises = SimpleNamespace(contradicted_in=self.short)
         monkeypatch.setattr(counted_columns, "candidate_settings", self.settings)
+        monkeypatch.setattr(counted_columns, "surer_pose_near", lambda *_: None)
 
     def nodes(self, share=1.0):
         return 100
@@ -55,7 +58,9 @@ class World:
 
     def setting(self, pose, column):
         names = tuple(np.array(self.names)[column].tolist())
-        return SimpleNamespace(cam2world=pose, entities=names, probability=dict.fromkeys(names, 1))
+        return SimpleNamespace(
+            cam2world=pose, entities=names, probability=dict.fromkeys(names, 1), seed=0
+        )
 
     def short(self, setting):
         place = float(setting.cam2world[0, 3])
@@ -124,7 +129,7 @@ def test_columns_are_searched_until_covers_get_no_shorter(monkeypatch):
         pools.add(
             poses_at([len(world.truth) - 1]),
             SimpleNamespace(
-                inspects=row[None], nearly=row[None], probability=row[None].astype(float)
+                countable=row[None], nearly=row[None], probability=row[None].astype(float)
             ),
         )
 
@@ -157,18 +162,30 @@ def test_no_cover_is_larger_than_one_of_the_columns_as_judged(seed, monkeypatch)
             holds = supported[repaired[-1]]
             yield setting, frozenset(np.array(run.names)[holds].tolist())
 
+    chosen = []
+
+    def few(membership, *others):
+        chosen.append(few_columns(membership, *others))
+        return chosen[-1]
+
     monkeypatch.setattr(counted_columns, "supported_settings", better)
-    wanted = np.ones(N_TARGETS, dtype=bool)
-    columns = CountedColumns(world, wanted)
+    columns = CountedColumns(world, np.ones(N_TARGETS, dtype=bool))
     before = columns.count_cover()
-    columns.search(0, 1, Checkpoint())
+    whole = (columns.counted.membership[:, None] >= world.pool.membership).all(axis=2).any(axis=0)
+    monkeypatch.setattr(counted_columns, "few_columns", few)
+    columns.repair(before)
     after = columns.count_cover()
     assert after <= before
     judged = fewest(world.pool.membership)
-    assert bool(repaired) == (before > judged and before > 1)
-    if repaired:
-        assert len(repaired) == judged
-        assert after <= judged + (~supported[repaired].any(axis=0)).sum()
+    if before == judged:
+        assert not repaired
+        return
+    # those that counts show as a whole are there already
+    assert sorted(repaired) == sorted(c for c in chosen[0] if not whole[c])
+    there = supported[repaired].any(axis=0) | world.pool.membership[chosen[0]][
+        whole[chosen[0]]
+    ].any(axis=0)
+    assert after <= judged + (~there).sum()
 
 
 def test_where_nothing_is_short_nothing_is_searched(monkeypatch):
@@ -176,6 +193,29 @@ def test_where_nothing_is_short_nothing_is_searched(monkeypatch):
     columns = CountedColumns(World(np.eye(3), np.eye(3), monkeypatch), np.ones(3, dtype=bool))
     columns.search(100, 1, Checkpoint())
     assert len(columns.counted) == 3
+
+
+def test_what_is_short_of_little_is_counted_where_it_is_surer(monkeypatch):
+    """One column holds all but one target; nearby all of them hold, and one setting is enough."""
+    world = World([[1, 1, 1], [0, 0, 1]], [[1, 1, 0], [0, 0, 1], [1, 1, 1]], monkeypatch)
+    there = poses_at([2])[0]
+    monkeypatch.setattr(counted_columns, "surer_pose_near", lambda *_: there)
+    monkeypatch.setattr(
+        counted_columns,
+        "setting_at",
+        lambda _, pose, names, *__: world.setting(pose, np.isin(world.names, names)),
+    )
+    columns = CountedColumns(world, np.ones(3, dtype=bool))
+    assert columns.count_cover() == 1
+    assert world.counts[2.0] == 1
+    assert columns.counted.membership.all(axis=1).any()
+    far = World([[1, 1, 1], [0, 0, 1]], [[1, 1, 0], [0, 0, 1]], monkeypatch)
+    far.promises.contradicted_in = lambda setting: {
+        name: 5.0 * missing for name, missing in far.short(setting).items()
+    }
+    # what is short of much is not looked for nearby
+    monkeypatch.setattr(counted_columns, "surer_pose_near", None)
+    assert CountedColumns(far, np.ones(3, dtype=bool)).count_cover() == 2
 
 
 def test_a_plan_is_not_beaten_by_poses_drawn_at_random():

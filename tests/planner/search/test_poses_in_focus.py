@@ -152,4 +152,4 @@ def test_that_ends_as_soon_as_one_improves_it(judge, monkeypatch, improves):
 
 def judgement(inspects):
     """Return a judgement in which what is inspected is certain."""
-    return Judgement(inspects, inspects, inspects * 1.0, inspects * 1.0)
+    return Judgement(inspects, inspects, inspects, inspects * 1.0, inspects * 1.0)

@@ -40,8 +40,8 @@ from planner.search.plan_setting import setting_at
 from planner.search.realise_column import joint_bounds
 from planner.search.stages import ShortTargets, _without_short, without_spare
 from planner.sensor_setting import Outcome, Reason, ReasonKind
+from planner.verify.joint_counts import JointCounts
 from planner.verify.simulate_plan import simulate_plan
-from planner.verify.simulate_setting import JointCounts
 
 CAMERA_ROUNDS = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY_ROUNDS = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)

@@ -11,12 +11,7 @@ from planner import Camera, PoseUncertainty, look_at
 from planner.camera.pose import world_to_cam
 from planner.request.constraints import Requirements
 from planner.request.problem import Problem
-from planner.verify.simulate_setting import (
-    DisplacedChecks,
-    lower_bound,
-    poses_needed,
-    without_reserves,
-)
+from planner.verify.joint_counts import DisplacedChecks, lower_bound, poses_needed, without_reserves
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 WORKSPACE = [[-900.0] * 3, [1100.0] * 3]

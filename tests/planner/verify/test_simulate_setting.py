@@ -32,16 +32,14 @@ from planner.request.problem import Problem
 from planner.request.reach import TargetSpace
 from planner.request.resolve import resolve_wanted
 from planner.search.realise_column import _trials_of
+from planner.verify.joint_counts import DisplacedChecks, lower_bound, successes_needed
 from planner.verify.simulate_setting import (
-    DisplacedChecks,
     carry_back,
     clopper_pearson,
     displaced_poses,
     fit_circles,
     image_points,
-    lower_bound,
     measured_errors,
-    successes_needed,
 )
 
 CAMERA_SIMULATE_SETTING = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 400.0, largest_blur_mm=0.03)
