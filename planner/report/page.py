@@ -65,6 +65,7 @@ from planner.report.wording import (
     dark_note,
     dark_sentence,
     edges_text,
+    entity_words,
     evolved_sentence,
     features_sentence,
     given_text,
@@ -534,7 +535,7 @@ def _text(plan: InspectionPlan, k: int, name: str) -> str:
     text = f"Setting {k + 1} measures {name}"
     if isinstance(target, PlannedDimension):
         used = targets_of(plan.targets, setting)[name]
-        text += f" by {' and '.join(used.entities)}"
+        text += f" by {' and '.join(map(entity_words, used.entities))}"
         text += " alone" if name in setting.ends else ""
         if len(target.ways) > 1:
             text += f", one of {count(len(target.ways), 'way')}{_passed_over(setting, name)}"

@@ -19,7 +19,7 @@ from errors.checks import (
 )
 from errors.measurands.measurand import SOURCES
 from planner.camera.pose import world_to_cam
-from planner.report.wording import names_by_reason
+from planner.report.wording import entity_words, names_by_reason
 from planner.request.camera_limits import (
     SIGMAS,
     FocusReserve,
@@ -462,10 +462,14 @@ def _by(plan: InspectionPlan, row: Row) -> list[CellLine]:
     target = plan.targets[row.name]
     if row.name in plan.split:
         other = sum(plan.ends[row.name].values()) + 2 - row.setting
-        return [CellLine(f"by {row.entities[0]} alone, the rest in setting {other}", "note")]
+        return [
+            CellLine(
+                f"by {entity_words(row.entities[0])} alone, the rest in setting {other}", "note"
+            )
+        ]
     if len(target.ways) == 1:
         return []
-    text = f"by {', '.join(row.entities)}, one of {len(target.ways)} ways"
+    text = f"by {', '.join(map(entity_words, row.entities))}, one of {len(target.ways)} ways"
     return [CellLine(text, "note")]
 
 
