@@ -65,6 +65,7 @@ from planner.report.wording import (
     dark_note,
     dark_sentence,
     edges_text,
+    entities_words,
     entity_words,
     evolved_sentence,
     features_sentence,
@@ -548,7 +549,7 @@ def _text(plan: InspectionPlan, k: int, name: str) -> str:
 
 def _passed_over(setting: SensorSetting, name: str) -> str:
     over = setting.passed_over.get(name, {})
-    parts = [f"{entities}: {reason}" for entities, reason in over.items()]
+    parts = [f"{entities_words(entities)}: {reason}" for entities, reason in over.items()]
     return f". Not used: {'; '.join(parts)}" if parts else ""
 
 

@@ -19,7 +19,7 @@ from errors.checks import (
 )
 from errors.measurands.measurand import SOURCES
 from planner.camera.pose import world_to_cam
-from planner.report.wording import entity_words, names_by_reason
+from planner.report.wording import entities_words, entity_words, names_by_reason
 from planner.request.camera_limits import (
     SIGMAS,
     FocusReserve,
@@ -476,7 +476,7 @@ def _by(plan: InspectionPlan, row: Row) -> list[CellLine]:
 def passed_over_sentence(setting: SensorSetting) -> str:
     """Say why targets are not measured by their other entities in a setting; empty if there are none."""
     parts = [
-        f"{name} by {entities}: {why}"
+        f"{name} by {entities_words(entities)}: {why}"
         for name, others in setting.passed_over.items()
         for entities, why in others.items()
     ]

@@ -422,6 +422,11 @@ def entity_words(name: str) -> str:
     return f"{stretch[1]} from {float(first):.{digits}f} to {float(last):.{digits}f} %"
 
 
+def entities_words(names: str) -> str:
+    """Return ids that commas separate as `entity_words`."""
+    return ", ".join(map(entity_words, names.split(", ")))
+
+
 def _counted(result: SimulationResult, n: int) -> str:
     """Count the rates of each kind, and say how far off they are at most."""
     kinds = result.verdicts
