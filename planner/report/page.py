@@ -65,6 +65,8 @@ from planner.report.wording import (
     dark_note,
     dark_sentence,
     edges_text,
+    entities_words,
+    entity_words,
     evolved_sentence,
     features_sentence,
     given_text,
@@ -534,7 +536,7 @@ def _text(plan: InspectionPlan, k: int, name: str) -> str:
     text = f"Setting {k + 1} measures {name}"
     if isinstance(target, PlannedDimension):
         used = targets_of(plan.targets, setting)[name]
-        text += f" by {' and '.join(used.entities)}"
+        text += f" by {' and '.join(map(entity_words, used.entities))}"
         text += " alone" if name in setting.ends else ""
         if len(target.ways) > 1:
             text += f", one of {count(len(target.ways), 'way')}{_passed_over(setting, name)}"
@@ -547,7 +549,7 @@ def _text(plan: InspectionPlan, k: int, name: str) -> str:
 
 def _passed_over(setting: SensorSetting, name: str) -> str:
     over = setting.passed_over.get(name, {})
-    parts = [f"{entities}: {reason}" for entities, reason in over.items()]
+    parts = [f"{entities_words(entities)}: {reason}" for entities, reason in over.items()]
     return f". Not used: {'; '.join(parts)}" if parts else ""
 
 

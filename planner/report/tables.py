@@ -19,7 +19,7 @@ from errors.checks import (
 )
 from errors.measurands.measurand import SOURCES
 from planner.camera.pose import world_to_cam
-from planner.report.wording import names_by_reason
+from planner.report.wording import entities_words, entity_words, names_by_reason
 from planner.request.camera_limits import (
     SIGMAS,
     FocusReserve,
@@ -462,17 +462,21 @@ def _by(plan: InspectionPlan, row: Row) -> list[CellLine]:
     target = plan.targets[row.name]
     if row.name in plan.split:
         other = sum(plan.ends[row.name].values()) + 2 - row.setting
-        return [CellLine(f"by {row.entities[0]} alone, the rest in setting {other}", "note")]
+        return [
+            CellLine(
+                f"by {entity_words(row.entities[0])} alone, the rest in setting {other}", "note"
+            )
+        ]
     if len(target.ways) == 1:
         return []
-    text = f"by {', '.join(row.entities)}, one of {len(target.ways)} ways"
+    text = f"by {', '.join(map(entity_words, row.entities))}, one of {len(target.ways)} ways"
     return [CellLine(text, "note")]
 
 
 def passed_over_sentence(setting: SensorSetting) -> str:
     """Say why targets are not measured by their other entities in a setting; empty if there are none."""
     parts = [
-        f"{name} by {entities}: {why}"
+        f"{name} by {entities_words(entities)}: {why}"
         for name, others in setting.passed_over.items()
         for entities, why in others.items()
     ]

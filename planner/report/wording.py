@@ -7,7 +7,9 @@ workspace, the camera and its uncertainty, the accuracy, the probability and the
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -393,6 +395,36 @@ def simulated_sentences(plan: InspectionPlan) -> list[str]:
 def percent(share: float) -> str:
     """Return a share in percent, with the digits it needs."""
     return f"{100 * share:.6g} %"
+
+
+_STRETCH = re.compile(r"(e?\d+)\[(\d+(?:/\d+)?):(\d+(?:/\d+)?)\]")
+
+
+def entity_words(name: str) -> str:
+    """Return an entity's id as people read it: of a stretch, the edge and the percentages of its length.
+
+    Parameters
+    ----------
+    name : str
+        An id; ids of whole entities, and of runs of rims, stay as they are.
+
+    Examples
+    --------
+    >>> entity_words("e6[0:85/256]")
+    'e6 from 0 to 33 %'
+    """
+    stretch = _STRETCH.fullmatch(name)
+    # joints of a rim are no shares
+    if stretch is None or Fraction(stretch[3]) > 1:
+        return name
+    first, last = (100 * Fraction(stretch[k]) for k in (2, 3))
+    digits = 0 if last - first >= 2 else 1
+    return f"{stretch[1]} from {float(first):.{digits}f} to {float(last):.{digits}f} %"
+
+
+def entities_words(names: str) -> str:
+    """Return ids that commas separate as `entity_words`."""
+    return ", ".join(map(entity_words, names.split(", ")))
 
 
 def _counted(result: SimulationResult, n: int) -> str:

@@ -85,8 +85,8 @@ def test_it_says_by_what_a_setting_measures_and_why_not_by_the_others():
         "Setting 1 measures width by e1 and e2, one of 2 ways. Measured in setting 2, too."
     )
     assert data["2:0"]["text"] == (
-        "Setting 2 measures width by e3[0:1/4] and e4[3/4:1], one of 2 ways. Not used: e1, e2: hidden. "
-        "Measured in setting 1, too."
+        "Setting 2 measures width by e3 from 0 to 25 % and e4 from 75 to 100 %, one of 2 ways. "
+        "Not used: e1, e2: hidden. Measured in setting 1, too."
     )
     assert data["2:1"]["text"] == "Setting 2 measures edge."
     assert data["2:1"]["others"] == []

@@ -29,6 +29,7 @@ from planner.report.wording import (
     brief_verdict,
     calibration_rows,
     dark_sentence,
+    entity_words,
     graph_sentence,
     incumbent_line,
     light_sentence,
@@ -398,3 +399,19 @@ def test_edges_planned_as_sharp_are_told_with_the_u_that_measuring_will_state():
     assert f"Its U is then at most about {math.hypot(sharp, broken):.2g} mm" in text
     stated = replace(example, request=replace(example.request, edge_break_mm=(0.0, 0.1)))
     assert unstated_edges_text(stated) == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("e6[0:85/256]", "e6 from 0 to 33 %"),
+        ("17[3/4:1]", "17 from 75 to 100 %"),
+        # so short that whole percentages would not tell its ends apart
+        ("e6[1/2:129/256]", "e6 from 50.0 to 50.4 %"),
+        ("e6", "e6"),
+        ("r11[3:22]", "r11[3:22]"),
+        ("width", "width"),
+    ],
+)
+def test_a_stretch_is_named_by_percentages(name, words):
+    assert entity_words(name) == words
