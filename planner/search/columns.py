@@ -237,17 +237,21 @@ class Judge:
         What is asked; its entities (k) are the columns of every result.
     effort : Effort
         How long to search; what works with a judge takes its numbers from it.
+    to_be_counted : bool
+        Whether a count follows, so that a probability has to be above the threshold by what chance may take. Not for a
+        proof: all that a pose inspects is a column there.
     """
 
-    def __init__(self, problem: Problem, effort: Effort = NORMAL):
+    def __init__(self, problem: Problem, effort: Effort = NORMAL, to_be_counted: bool = True):
         self.problem = problem
         self.effort = effort
+        self.to_be_counted = to_be_counted
         self.space = problem.space
         self.names = problem.names
         self.camera = problem.camera
         self.accuracy = problem.accuracy
         self.threshold = problem.probability
-        self._to_be_counted = share_to_show(self.threshold)
+        self._countable = share_to_show(self.threshold) if to_be_counted else self.threshold
         self.requirements = problem.requirements
         # each witness is judged for itself; a pose inspects a target by any of them
         self.single = problem.single
@@ -265,8 +269,12 @@ class Judge:
         }
 
     def __getstate__(self) -> dict[str, Any]:
-        """Keep request and effort only: the rest is made from them again."""
-        return {"problem": self.problem, "effort": self.effort}
+        """Keep what it was made with: the rest is made from that again."""
+        return {
+            "problem": self.problem,
+            "effort": self.effort,
+            "to_be_counted": self.to_be_counted,
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__init__(**state)  # type: ignore[misc]
@@ -349,7 +357,7 @@ class Judge:
         shown = self._detectable(cam2world, nearly, probability, worth)
         self._keep_reachable(cam2world, nearly, probability)
         inspects = (missed == 0.0) & nearly & shown & (sure >= self.threshold)
-        countable = inspects & (sure >= self._to_be_counted)
+        countable = inspects & (sure >= self._countable)
         judged = Judgement(inspects, nearly, countable, probability, np.exp(-missed))
         return judged if self._by_witness is None else self._by_witness.of_targets(judged)
 

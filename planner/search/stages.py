@@ -675,7 +675,7 @@ class ProofColumns:
     def shared(self) -> Shared:
         """The judge of that request."""
         assert self.relaxed is not None
-        return Shared(Judge(self.relaxed, self._run.effort))
+        return Shared(Judge(self.relaxed, self._run.effort, to_be_counted=False))
 
     @property
     def _pools(self) -> Pools:

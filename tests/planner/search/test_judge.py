@@ -1,5 +1,7 @@
 """Poses judged with prices: what is worth more than 1 is judged as without, and all else inspects nothing."""
 
+import pickle
+
 import numpy as np
 import pytest
 from grid_box import EDGES, BoxSpace
@@ -298,3 +300,21 @@ def test_a_pool_tells_what_is_inspected():
         np.array([[1, 0, 0], [1, 0, 1]], dtype=bool), np.tile(np.eye(4), (2, 1, 1)), np.ones((2, 3))
     )
     assert pool.inspected.tolist() == [True, False, True]
+
+
+def test_a_judge_for_a_proof_keeps_all_that_a_pose_inspects():
+    """What is hardly above the threshold is no column to be counted, and is one of a proof; copies judge the same."""
+    space = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], EDGES)
+    request = Problem(space, EDGES, CAMERA, UNCERTAINTY, 0.998, 0.5)
+    judge = Judge(request)
+    poses = np.concatenate([entity_poses(judge, name, 10, 0) for name in judge.names])
+    sure = judge(poses)
+    # half of what is inspected has a little more than this, or less
+    middle = float(np.median(sure.probability[sure.inspects & (sure.probability < 0.99)]))
+    request = Problem(space, EDGES, CAMERA, UNCERTAINTY, 0.998, middle - 1e-6)
+    counted = Judge(request)
+    proof = pickle.loads(pickle.dumps(Judge(request, to_be_counted=False)))
+    assert (counted(poses).countable <= counted(poses).inspects).all()
+    assert (counted(poses).countable < counted(poses).inspects).any()
+    assert (proof(poses).countable == proof(poses).inspects).all()
+    assert (proof(poses).inspects == counted(poses).inspects).all()
