@@ -251,7 +251,7 @@ class Judge:
         self.camera = problem.camera
         self.accuracy = problem.accuracy
         self.threshold = problem.probability
-        self._countable = share_to_show(self.threshold) if to_be_counted else self.threshold
+        self._share_to_show = share_to_show(self.threshold) if to_be_counted else self.threshold
         self.requirements = problem.requirements
         # each witness is judged for itself; a pose inspects a target by any of them
         self.single = problem.single
@@ -357,7 +357,7 @@ class Judge:
         shown = self._detectable(cam2world, nearly, probability, worth)
         self._keep_reachable(cam2world, nearly, probability)
         inspects = (missed == 0.0) & nearly & shown & (sure >= self.threshold)
-        countable = inspects & (sure >= self._countable)
+        countable = inspects & (sure >= self._share_to_show)
         judged = Judgement(inspects, nearly, countable, probability, np.exp(-missed))
         return judged if self._by_witness is None else self._by_witness.of_targets(judged)
 
@@ -781,6 +781,19 @@ class Pools(NamedTuple):
         """Add poses (n, 4, 4) as judged; what is not steady, see `ColumnPool.add`, only to the near columns."""
         self.realised.add(judged.countable, poses, judged.probability, steady)
         self.near.add(judged.nearly, poses, judged.probability)
+
+    def add_missing(self, poses: np.ndarray, judged: Judgement) -> None:
+        """Add for each target that is in no column the surest of poses (n, 4, 4) that inspects it.
+
+        A count will probably not show it, but there may be no better pose.
+        """
+        missing = judged.inspects.any(axis=0) & ~self.realised.inspected
+        for target in np.flatnonzero(missing).tolist():
+            sure = np.where(judged.inspects[:, target], judged.probability[:, target], -1.0)
+            best = [int(np.argmax(sure))]
+            column = judged.countable[best]
+            column[:, target] = True
+            self.realised.add(column, poses[best], judged.probability[best])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the arrays, for `from_dict`."""

@@ -10,6 +10,8 @@ of what can be counted, and is tightened where its optimum is.
    missing, a pose nearby of which a count shows more is searched, and joins them, too (`planner.search.surer_poses`).
 3. Repeat until all columns of the cover are counted.
 4. Search more columns by prices, which now tell where columns were lost, and begin again.
+5. Where the cover is still larger than one of the columns as judged, better poses are searched for the columns of
+   that one that no counted column contains. They join the counted columns, and the cover is chosen once more.
 
 Targets that no counted column contains any more are left to the search for settings of their own, see
 `planner.search.stages.ShortTargets`.
@@ -130,6 +132,8 @@ class CountedColumns:
             self._turn += 1
             self._search_columns(min(_ROUNDS, remaining))
             checkpoint.put("counted", self.entry())
+        if not nothing_short and needed > bound:
+            self.repair(needed)
 
     def repair(self, needed: int) -> None:
         """Let a cover of the columns as judged join, each column at the best pose that simulation supports.
@@ -148,15 +152,12 @@ class CountedColumns:
         chosen = few_columns(membership, run.nodes(), run.rng("settings"), run.pool.quality)
         if needed <= len(chosen) + int((self._inspected & ~covered).sum()):
             return
-        counted = self.counted.membership
         uncounted = [
-            c for c in chosen if not (counted[:, run.pool.membership[c]].all(axis=1)).any()
+            c for c in chosen if self.counted.best_containing(run.pool.membership[c]) is None
         ]
         candidates = candidate_settings(run, run.pool, np.array(uncounted, dtype=int))
         for setting, supported in supported_settings(run, candidates):
-            column = np.isin(run.names, list(supported))
-            sure = np.array([setting.probability.get(name, 0.0) for name in run.names])
-            self.counted.add(column[None], setting.cam2world[None], sure[None])
+            self._add(setting, supported)
         self.count_cover()
 
     def count_cover(self) -> int:
@@ -191,17 +192,17 @@ class CountedColumns:
         nearly = []
         for setting in settings:
             short = run.promises.contradicted_in(setting)
-            self._add(setting, short)
+            self._add(setting, set(setting.entities) - set(short))
             self._n_short += len(short)
             if short and max(short.values()) <= _WITHIN_REACH:
                 nearly.append(setting)
         for setting in self._surer(nearly):
-            self._add(setting, run.promises.contradicted_in(setting))
+            self._add(setting, set(setting.entities) - set(run.promises.contradicted_in(setting)))
 
-    def _add(self, setting: SensorSetting, short: Collection[str]) -> None:
-        """Let what a count shows of a setting join the counted columns: all but what is short."""
+    def _add(self, setting: SensorSetting, holds: Collection[str]) -> None:
+        """Let what holds of a setting join the counted columns."""
         names = self._run.names
-        column = np.isin(names, [name for name in setting.entities if name not in short])
+        column = np.isin(names, list(holds))
         sure = np.array([setting.probability.get(name, 0.0) for name in names])
         self.counted.add(column[None], setting.cam2world[None], sure[None])
 

@@ -279,9 +279,8 @@ class SearchRun:
             return ()
         pose = outcome.setting.cam2world[None]
         judged = self.judge(pose)
-        # what it was run for is counted in any case: there may be no better pose
-        asked_for = np.isin(self.names, outcome.setting.entities)
-        self.pool.add(judged.countable | judged.inspects & asked_for, pose, judged.probability)
+        self.pool.add(judged.countable, pose, judged.probability)
+        self.pools.add_missing(pose, judged)
         return self.names_of(judged.inspects[0])
 
     def realise(self, sets: Sequence[tuple[str, ...]]) -> list[Outcome]:

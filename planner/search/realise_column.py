@@ -420,9 +420,15 @@ def _surer(judge: Judge, setting: SensorSetting, seed: int) -> Iterator[PosedOnl
     """Yield the pose near a setting of which counts show more, if there is one."""
     pose = surer_pose(judge, setting.cam2world, setting.probability, seed)
     if pose is not None:
-        judged = judge(pose[None])
-        stated = dict(zip(judge.names, judged.probability[0].tolist(), strict=True))
-        yield PosedOnly(pose, setting.entities, {name: stated[name] for name in setting.entities})
+        yield _posed(judge, pose, setting.entities, judge(pose[None]).probability[0])
+
+
+def _posed(
+    judge: Judge, cam2world: np.ndarray, names: tuple[str, ...], probability: np.ndarray
+) -> PosedOnly:
+    """Return a pose for some targets, of a judgement of all of them (k,)."""
+    stated = dict(zip(judge.names, probability.tolist(), strict=True))
+    return PosedOnly(cam2world, names, {name: stated[name] for name in names})
 
 
 def _near(
@@ -443,10 +449,7 @@ def _near(
         judged = judge(neighbours, prices)
         for k in np.flatnonzero(judged.inspects[:, is_wanted].all(axis=1))[: most - tried]:
             tried += 1
-            stated = dict(zip(judge.names, judged.probability[k].tolist(), strict=True))
-            yield PosedOnly(
-                neighbours[k], setting.entities, {name: stated[name] for name in setting.entities}
-            )
+            yield _posed(judge, neighbours[k], setting.entities, judged.probability[k])
 
 
 # What simulation finds of what poses promise: each promise is simulated once, in any process.

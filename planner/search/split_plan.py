@@ -322,6 +322,7 @@ class _SplitSearch:
             child.callbacks,
             WarmStart(coverable=everything),
         )
+        child.pools.add_missing(poses, child.judge(poses))
         inspected = self._whole_targets(child.pool.inspected)
         n_targets = len(np.unique(self._split.owner[inspected]))
         membership = child.pool.membership[:, inspected]

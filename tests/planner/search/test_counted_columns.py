@@ -16,7 +16,7 @@ from planner.callbacks import NOBODY, Checkpoint
 from planner.cover import few_columns
 from planner.request.problem import Problem
 from planner.search import counted_columns
-from planner.search.columns import ColumnPool, Judge
+from planner.search.columns import ColumnPool, Judge, Judgement
 from planner.search.counted_columns import CountedColumns
 from planner.search.incumbents import empty_pools
 
@@ -128,9 +128,7 @@ def test_columns_are_searched_until_covers_get_no_shorter(monkeypatch):
         world.truth = np.vstack([world.truth, row])
         pools.add(
             poses_at([len(world.truth) - 1]),
-            SimpleNamespace(
-                countable=row[None], nearly=row[None], probability=row[None].astype(float)
-            ),
+            Judgement(row[None], row[None], row[None], 1.0 * row[None], 1.0 * row[None]),
         )
 
     monkeypatch.setattr(counted_columns, "price_poses", price)
@@ -169,23 +167,25 @@ def test_no_cover_is_larger_than_one_of_the_columns_as_judged(seed, monkeypatch)
         return chosen[-1]
 
     monkeypatch.setattr(counted_columns, "supported_settings", better)
-    columns = CountedColumns(world, np.ones(N_TARGETS, dtype=bool))
+    wanted = np.ones(N_TARGETS, dtype=bool)
+    columns = CountedColumns(world, wanted)
     before = columns.count_cover()
     whole = (columns.counted.membership[:, None] >= world.pool.membership).all(axis=2).any(axis=0)
     monkeypatch.setattr(counted_columns, "few_columns", few)
-    columns.repair(before)
+    columns.search(0, 1, Checkpoint())
     after = columns.count_cover()
     assert after <= before
     judged = fewest(world.pool.membership)
-    if before == judged:
-        assert not repaired
-        return
+    # the first choice counts the cover again, the second is the cover as judged
+    cover = chosen[1] if before > judged and before > 1 else np.zeros(0, dtype=int)
     # those that counts show as a whole are there already
-    assert sorted(repaired) == sorted(c for c in chosen[0] if not whole[c])
-    there = supported[repaired].any(axis=0) | world.pool.membership[chosen[0]][
-        whole[chosen[0]]
-    ].any(axis=0)
-    assert after <= judged + (~there).sum()
+    assert sorted(repaired) == sorted(c for c in cover if not whole[c])
+    if cover.size:
+        assert len(cover) == judged
+        there = supported[repaired].any(axis=0) | world.pool.membership[cover[whole[cover]]].any(
+            axis=0
+        )
+        assert after <= judged + (~there).sum()
 
 
 def test_where_nothing_is_short_nothing_is_searched(monkeypatch):

@@ -1,6 +1,7 @@
 """Poses judged with prices: what is worth more than 1 is judged as without, and all else inspects nothing."""
 
 import pickle
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from planner.search.columns import (
     _UNCOVERED,
     ColumnPool,
     Judge,
+    Judgement,
     Pools,
     WarmStart,
     entity_poses,
@@ -302,19 +304,44 @@ def test_a_pool_tells_what_is_inspected():
     assert pool.inspected.tolist() == [True, False, True]
 
 
-def test_a_judge_for_a_proof_keeps_all_that_a_pose_inspects():
-    """What is hardly above the threshold is no column to be counted, and is one of a proof; copies judge the same."""
+@pytest.fixture(scope="module")
+def hardly_sure():
+    """A request of which half of what poses inspect is hardly surer than required; the poses."""
     space = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], EDGES)
-    request = Problem(space, EDGES, CAMERA, UNCERTAINTY, 0.998, 0.5)
-    judge = Judge(request)
+    judge = Judge(Problem(space, EDGES, CAMERA, UNCERTAINTY, 0.998, 0.5))
     poses = np.concatenate([entity_poses(judge, name, 10, 0) for name in judge.names])
     sure = judge(poses)
-    # half of what is inspected has a little more than this, or less
     middle = float(np.median(sure.probability[sure.inspects & (sure.probability < 0.99)]))
-    request = Problem(space, EDGES, CAMERA, UNCERTAINTY, 0.998, middle - 1e-6)
-    counted = Judge(request)
-    proof = pickle.loads(pickle.dumps(Judge(request, to_be_counted=False)))
-    assert (counted(poses).countable <= counted(poses).inspects).all()
-    assert (counted(poses).countable < counted(poses).inspects).any()
-    assert (proof(poses).countable == proof(poses).inspects).all()
-    assert (proof(poses).inspects == counted(poses).inspects).all()
+    return Problem(space, EDGES, CAMERA, UNCERTAINTY, 0.998, middle - 1e-6), poses
+
+
+def test_what_is_hardly_sure_enough_is_a_column_of_a_proof_only(hardly_sure):
+    request, poses = hardly_sure
+    counted = Judge(request)(poses)
+    assert (counted.countable <= counted.inspects).all()
+    assert (counted.countable < counted.inspects).any()
+    # copies judge the same
+    proof = pickle.loads(pickle.dumps(Judge(request, to_be_counted=False)))(poses)
+    assert (proof.inspects == counted.inspects).all()
+    assert (proof.countable == proof.inspects).all()
+
+
+def test_a_target_without_any_surer_pose_is_in_a_column_all_the_same(hardly_sure):
+    request, poses = hardly_sure
+    judged = Judge(request)(poses)
+    unsure = ~judged.countable.any(axis=1)
+    few = Judgement(*(getattr(judged, field.name)[unsure] for field in fields(Judgement)))
+    assert few.inspects.any()
+    pools = Pools(ColumnPool(len(EDGES)), ColumnPool(len(EDGES)))
+    pools.add(poses[unsure], few)
+    assert not len(pools.realised)
+    pools.add_missing(poses[unsure], few)
+    assert (pools.realised.inspected == few.inspects.any(axis=0)).all()
+    # the surest pose, and no other target that is hardly sure
+    assert (pools.realised.membership.sum(axis=1) == 1).all()
+    for column, quality in zip(pools.realised.membership, pools.realised.quality, strict=True):
+        sure = few.probability[:, column][few.inspects[:, column]]
+        assert quality == pytest.approx(sure.max(), abs=1e-12)
+    # and of the other poses, what is in no column yet
+    pools.add_missing(poses, judged)
+    assert (pools.realised.inspected == judged.inspects.any(axis=0)).all()
