@@ -24,7 +24,7 @@ from planner.camera.pose import (
     look_at,
     world_to_cam,
 )
-from planner.detectability.conditions import USUAL
+from planner.detectability.conditions import NOT_ASKED
 from planner.effort import NORMAL
 from planner.exceptions import RequestError
 from planner.light.area_lights import AREA_LIGHTS, area_of_word
@@ -723,6 +723,8 @@ RULE = OpticsRule()
 DISTANCES_MM = (100.0, 160.0, 250.0, 400.0, 630.0, 1000.0, 1600.0)
 # for what does not depend on the camera
 _STAND_IN = Camera(25.0, (0.005, 0.005), (2000, 2000), 8.0, 400.0)
+# poses whose image is looked at together, the surest first
+_AT_ONCE = 8
 _OF_IMAGE = ("resolution_mm", "focus_mm", "field_of_view_px")
 
 
@@ -890,7 +892,7 @@ def _space(
 
 def _limits(options: InspectionOptions, pose_uncertainty: PoseUncertainty) -> Requirements:
     """Return the limits that do not depend on the camera; it stands in for all."""
-    of_every_camera = replace(options, field_margin_px=0.0, focus_margin_mm=None, showing=USUAL)
+    of_every_camera = replace(options, field_margin_px=0.0, focus_margin_mm=None, showing=NOT_ASKED)
     return of_every_camera.requirements(_STAND_IN, pose_uncertainty)
 
 
@@ -969,7 +971,8 @@ def _judged(
         if len(seen[name]):
             # what registration will tell takes longest, so it is asked where some pose needs it
             means = means or _means(camera, views, pose_uncertainty, options, space)
-            best = _best(view, seen[name], means)
+            shows = Constraints(space, [name], camera, need, [view.target])
+            best = _best(view, seen[name], means, shows)
         probability[name] = 0.0 if best is None else best[0]
         if best is not None:
             _, share[name], poses[name] = best
@@ -1009,11 +1012,16 @@ def _means(
 
 
 def _best(
-    view: _View, poses: NDArray[np.float64], means: Means
-) -> tuple[float, float, NDArray[np.float64]]:
-    """Return the probability, U over the permitted error and the pose of what measures an item best."""
+    view: _View, poses: NDArray[np.float64], means: Means, shows: Constraints
+) -> tuple[float, float, NDArray[np.float64]] | None:
+    """Return the probability, U over the permitted error and the pose of what measures an item best.
+
+    None if the item cannot be found in the image of any of the poses.
+    """
     probability = view.target.probability(poses, means)
-    best = int(np.argmax(probability))
+    best = _best_shown(poses, probability, shows)
+    if best is None:
+        return None
     if means.own_edges is not None:
         # as a setting of a plan states it
         knowledge = knowledge_of([view.target], means, poses[best])
@@ -1024,6 +1032,21 @@ def _best(
         described.expanded_uncertainty / described.permitted_error,
         poses[best],
     )
+
+
+def _best_shown(
+    poses: NDArray[np.float64], probability: NDArray[np.float64], shows: Constraints
+) -> int | None:
+    """Return the number of the surest pose in whose image the item can be found, in pixels of this camera."""
+    order = np.argsort(-probability, kind="stable")
+    for first in range(0, len(order), _AT_ONCE):
+        rows = order[first : first + _AT_ONCE]
+        slacks = shows.slacks(poses[rows], shows.shows)
+        is_shown = np.all([margins.min(axis=(1, 2)) >= 0 for margins in slacks.values()], axis=0)
+        found = rows[np.broadcast_to(is_shown, rows.shape)]
+        if found.size:
+            return int(found[0])
+    return None
 
 
 def _rank(proposal: OpticsProposal) -> tuple[Any, ...]:

@@ -117,7 +117,8 @@ def relation_to(
 ) -> NDArray[np.uint8]:
     """Return what each edge (m,) is to an entity: another one, its own, or connected to it at a vertex.
 
-    Connected are the edges that meet it, and of curves that meet it the next chords.
+    Connected are the edges that meet it, and of curves that meet it the next chords. Where the wall of a rim or arc
+    turns away, the wall's contour touches the curve: another line, which is near for as long as it takes to leave.
 
     Parameters
     ----------
@@ -135,6 +136,7 @@ def relation_to(
     places = np.searchsorted(contours.ids[:-1], ids)
     # not every edge is a contour
     same_edge = places[contours.ids[places] == ids] if relation.size else places[:0]
+    is_curve = _has_round_wall(contours, at, same_edge)
     for vertex in np.unique(contours.ends[same_edge]).tolist():
         middle = contours.vertices[vertex].tolist()
         reached = {vertex}
@@ -143,6 +145,8 @@ def relation_to(
             here = waiting.pop()
             for e in at[here]:
                 if here != vertex and not contours.kinds[e] & CURVED:
+                    continue
+                if is_curve and not contours.kinds[e] & SHARP:
                     continue
                 relation[e] = CONNECTED
                 for other in contours.ends[e].tolist() if contours.kinds[e] & CURVED else ():
@@ -153,6 +157,13 @@ def relation_to(
                         waiting.append(other)
     relation[same_edge] = OWN
     return relation
+
+
+def _has_round_wall(contours: Contours, at: Meeting, own: NDArray[np.int64]) -> bool:
+    """Return whether smooth contours may begin between two of an entity's own edges: that is so of chords only."""
+    vertices, count = np.unique(contours.ends[own], return_counts=True)
+    between = (e for vertex in vertices[count > 1].tolist() for e in at[vertex])
+    return any(not contours.kinds[e] & SHARP for e in between)
 
 
 # Which lines at the ends of entities show in images, as far as their own two faces do not hide

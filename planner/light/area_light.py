@@ -312,7 +312,7 @@ def shown_of_plan(
             silhouettes.append(any(_is_silhouette(solid, part, eye) for part in parts[key]))
             pairs.append((k, name))
             parts_of_pairs.append(parts[key])
-            edge_ids.append(parts[key][0].edge_ids if targets[name].in_image else ())
+            edge_ids.append(parts[key][0].edge_ids if targets[name].has_corners else ())
     shows = (np.reshape(values, (-1, 2)) >= limits).all(axis=1)
     shows &= _ends_show(area, plan, sight, pairs, edge_ids, limits)
     reasons = _unread(

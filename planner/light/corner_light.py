@@ -364,7 +364,7 @@ def demands_of(plan: Planned, solid: Solid, scene: RayScene, ground: str) -> Dem
             demands.pairs.append(
                 Pair(k, name, tuple(dict.fromkeys(regions)), has_silhouette, tuple(behind))
             )
-            demands.edge_ids.append(parts[0].edge_ids if targets[name].in_image else ())
+            demands.edge_ids.append(parts[0].edge_ids if targets[name].has_corners else ())
     return demands
 
 

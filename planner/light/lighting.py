@@ -442,8 +442,9 @@ class Readers:
         for pair in pairs:
             target = targets_of(plan.targets, plan.settings[pair.setting])[pair.name]
             pose = settings[pair.setting]
-            is_length = target.in_image or target.measurand.in_image
-            targets.append(None if is_length else reads.of_target(*pose, target, background))
+            targets.append(
+                None if target.has_corners else reads.of_target(*pose, target, background)
+            )
         numbers = np.array([pair.setting for pair in pairs], dtype=int)
         return cls(reads, settings, numbers, targets, background, progress)
 

@@ -339,7 +339,8 @@ class LitEdges:
             near = shown.samples.chosen(distance < APART_PX)
             # lines that the light does not show do not matter
             lines = near.chosen(self._lit(edges, near, cam2world, camera, light))
-            others = ShownEdges(edges, lines, pixels_of(lines.points, cam2world, camera))
+            places = pixels_of(lines.points, cam2world, camera)
+            others = ShownEdges(edges, lines, places, shown.contours)
             usable = lit & others.apart([edge], samples.edge, pixels)
             if _covers_too_little(edge, samples, usable):
                 share = f"only {100 * usable.mean():.0f} % of {edge.name}"
@@ -431,7 +432,7 @@ def reads_of(
     targets : iterable of Target
         What is measured.
     """
-    if all(target.in_image or target.measurand.in_image for target in targets):
+    if all(target.has_corners for target in targets):
         return None
     return LitEdges(solid, how is not None and how.method == OWN_EDGES)
 

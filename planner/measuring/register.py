@@ -30,7 +30,15 @@ from ground.decorators import njit
 from planner.camera.pose import PoseUncertainty
 from planner.measuring.images import Picture
 from planner.measuring.registered import ImageEvidence, Lamp, Registered, prior_covariance
-from planner.measuring.samples import POSE, SAMPLING_PX, PartModel, State, gradients_of, profiles_of
+from planner.measuring.samples import (
+    POSE,
+    SAMPLING_PX,
+    PartModel,
+    State,
+    gradients_of,
+    median_shift,
+    profiles_of,
+)
 from planner.measuring.task import (
     MOVE_SIGMAS,
     REPEATABILITY,
@@ -399,8 +407,7 @@ def _each_alone(attempt: Attempt) -> tuple[dict[int, list[Rows]], list[tuple[Att
         if not alone.convincing:
             continue
         compared[k] = alone.rows[0]
-        away = np.linalg.norm(alone.scan.centres - attempt.scan.centres, axis=1)
-        if np.median(away) > _FAR_PX:
+        if median_shift(alone.scan.centres, attempt.scan.centres) > _FAR_PX:
             # nearby, rows of all images are about the same unknowns
             sources[k] = alone, 0
     return compared, sources

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -503,6 +503,8 @@ _LIFT_MM = 0.03
 _AHEAD = 1e-4
 # cosine from which on a face is level with a rim
 _LEVEL = 0.999
+# points that are looked at on a contour of a curved face, as many as the longest image has
+_MOST_OF_CONTOUR = 4000
 # where nothing is
 _FAR_PX = -1e6
 # samples that are looked at around each one
@@ -592,6 +594,15 @@ class PartEdges:
         return EdgeTable(self.edges)
 
     @cached_property
+    def _turning(self) -> _Turning:
+        """Where curved faces may turn away: the convex edges of the mesh that are no edge of the part."""
+        listed = {edge_id for edge in self.edges for edge_id in edge.edge_ids}
+        between = [e for e in self.solid.edges if e.dihedral_deg > 0 and e.id not in listed]
+        faces = np.array([edge.faces for edge in between], np.int64).reshape(-1, 2)
+        ends = np.array([self.solid.edge_points(edge.id) for edge in between], np.float64)
+        return _Turning(ends.reshape(-1, 2, 3), self.solid.normals[faces])
+
+    @cached_property
     def _outlines(self) -> Array:
         return outlines_of(self._table)
 
@@ -651,7 +662,32 @@ class PartEdges:
         images[outside] = np.nan
         samples = self._samples(self._table, images, cam2world, camera, 0.0)
         samples = samples.chosen(samples.visible)
-        return ShownEdges(self.edges, samples, pixels_of(samples.points, cam2world, camera))
+        pixels = pixels_of(samples.points, cam2world, camera)
+        return ShownEdges(self.edges, samples, pixels, self.contours(cam2world, camera))
+
+    def contours(self, cam2world: Array, camera: Camera) -> Array:
+        """Return where contours of curved faces are seen, px (n, 2): where these turn away from the camera.
+
+        No edge is there, and yet a line in the image, which touches the images of edges that it ends at.
+        """
+        ends, normals = self._turning
+        eye = np.asarray(cam2world)[:3, 3]
+        is_front = np.einsum("efk,ek->ef", normals, eye - ends[:, 0]) > 0
+        local = world_to_cam(ends, cam2world)
+        turns = (is_front[:, 0] != is_front[:, 1]) & (local[:, :, 2] > 0).all(axis=1)
+        ends, normals, local = ends[turns], normals[turns], local[turns]
+        slopes = local[:, :, :2] / local[:, :, 2:]
+        length_px = np.linalg.norm(
+            (slopes[:, 1] - slopes[:, 0]) * camera.matrix[[0, 1], [0, 1]], axis=1
+        )
+        count = 2 + np.minimum(length_px / STEP_PX, _MOST_OF_CONTOUR).astype(int)
+        of = np.repeat(np.arange(len(count)), count)
+        share = (np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)) / (count[of] - 1)
+        points = ends[of, 0] + share[:, None] * (ends[of, 1] - ends[of, 0])
+        pixels = pixels_of(points, cam2world, camera)
+        seen = in_image(pixels, camera, -APART_PX)
+        seen[seen] = self._visible(points[seen], normals[of[seen]], np.zeros(seen.sum()), cam2world)
+        return pixels[seen]
 
     def _samples(
         self, table: EdgeTable, images: Array, cam2world: Array, camera: Camera, margin_px: float
@@ -683,6 +719,13 @@ class PartEdges:
         return np.asarray(~self.scene.blocked(origin, lifted - origin))
 
 
+class _Turning(NamedTuple):
+    """Edges (m) of a mesh between two facets: their ends (m, 2, 3), mm, and the normals of both facets (m, 2, 3)."""
+
+    ends: Array
+    normals: Array
+
+
 class ShownEdges:
     """All edges of a part as one pose shows them, and which places of the image are apart from them.
 
@@ -694,12 +737,20 @@ class ShownEdges:
         Their visible samples (m).
     pixels : array (m, 2)
         Images of these, px.
+    contours : array (n, 2)
+        Where other lines are seen, px: contours of curved faces.
     """
 
-    def __init__(self, edges: Sequence[PartEdge], samples: Samples, pixels: Array) -> None:
+    def __init__(
+        self, edges: Sequence[PartEdge], samples: Samples, pixels: Array, contours: Array
+    ) -> None:
         self.samples = samples
         self.pixels = pixels
-        self._tree = cKDTree(pixels) if len(pixels) else None
+        self.contours = contours
+        places = np.concatenate([pixels, contours])
+        self._tree = cKDTree(places) if len(places) else None
+        # of no edge
+        self._number = np.concatenate([samples.edge, np.full(len(contours), len(edges))])
         self._holders: dict[int, list[int]] = {}
         for number, edge in enumerate(edges):
             for edge_id in edge.edge_ids:
@@ -713,7 +764,7 @@ class ShownEdges:
         pixels: Array,
         half_px: float = 0.0,
     ) -> NDArray[np.bool_]:
-        """Return which places (n,) have no visible sample of another edge near.
+        """Return which places (n,) have no visible sample of another edge or contour near.
 
         Parameters
         ----------
@@ -728,7 +779,7 @@ class ShownEdges:
         """
         if self._tree is None:
             return np.ones(len(number), dtype=np.bool_)
-        same = np.zeros((len(edges), len(self._edges)), dtype=np.bool_)
+        same = np.zeros((len(edges), len(self._edges) + 1), dtype=np.bool_)
         for k, edge in enumerate(edges):
             for edge_id in edge.edge_ids:
                 same[k, self._holders.get(edge_id, [])] = True
@@ -739,7 +790,7 @@ class ShownEdges:
         distance, index = self._tree.query(finite, k=k, distance_upper_bound=max(APART_PX, half_px))
         distance = distance.reshape(len(finite), k)
         index = np.minimum(index.reshape(len(finite), k), count - 1)
-        foreign = ~same[number[:, None], self.samples.edge[index]]
+        foreign = ~same[number[:, None], self._number[index]]
         return ~np.any(np.isfinite(distance) & foreign, axis=1)
 
 
@@ -789,6 +840,11 @@ def pixels_of(points: Array, cam2world: Array, camera: Camera) -> Array:
     local = world_to_cam(points, cam2world)
     depth = np.where(local[..., 2:] > 0, local[..., 2:], np.nan)
     return image_of(camera, local / depth)
+
+
+def median_shift(before: Array, after: Array) -> float:
+    """Return how far places in the image (n, 2) moved, px; nan, outside the lens's field, does not count."""
+    return float(np.nanmedian(np.linalg.norm(after - before, axis=1)))
 
 
 def across_of(points: Array, tangents: Array, cam2world: Array, camera: Camera) -> Array:

@@ -23,6 +23,7 @@ from planner.measuring.samples import (
     Samples,
     State,
     across_of,
+    median_shift,
     pixels_of,
     profiles_of,
 )
@@ -532,7 +533,6 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
         np.abs(scan.offset[agreeing])
         for scan, agreeing in zip(scans, attempt.agreeing, strict=True)
     ]
-    shift = np.linalg.norm(attempt.scan.centres - attempt.first, axis=1)
     covariance = estimate.covariance
     pose = slice(0, POSE)
     return Registered(
@@ -540,7 +540,7 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
         estimate.mean[POSE:],
         covariance,
         "own edges",
-        shift_px=float(np.median(shift)),
+        shift_px=median_shift(attempt.first, attempt.scan.centres),
         used=int(agree.sum()),
         offered=len(agree),
         misfit_px=float(np.median(np.concatenate(rests))),

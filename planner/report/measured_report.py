@@ -484,7 +484,17 @@ def _explanation(results: MeasurementResults) -> str:
         f"Rule: {results.rule}. Values in mm, angles in degrees. U is the expanded uncertainty, twice the standard "
         "uncertainty u. It counts the camera's pose, the part's surfaces, the points in the image, the response of "
         "the camera and broken edges. It does not count the calibration of the lens and the temperature of the part."
-        f"{_break_explanation(results)}"
+        f"{_foreseen_explanation(results)}{_break_explanation(results)}"
+    )
+
+
+def _foreseen_explanation(results: MeasurementResults) -> str:
+    is_foreseen = [math.isfinite(result.foreseen_uncertainty) for result in results]
+    if not any(is_foreseen) or all(is_foreseen):
+        return ""
+    return (
+        " A plan foresees no U of the length of an edge, of an arc of less than half a circle, of a value from two "
+        "images, and of what it does not inspect."
     )
 
 
@@ -538,9 +548,9 @@ def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
 
 
 def _foreseen_text(result: Result) -> str:
-    """Return U as the plan foresaw it; nothing if it did not."""
+    """Return U as the plan foresaw it."""
     amount = result.foreseen_uncertainty
-    return number_text(amount, amount) if math.isfinite(amount) else ""
+    return number_text(amount, amount) if math.isfinite(amount) else "not foreseen"
 
 
 def _wider_line(result: Result, unseen: UnseenBreaks) -> list[CellLine]:

@@ -561,7 +561,7 @@ class Constraints:
         """
         showing = self.requirements.showing
         shows: dict[str, Any] = {}
-        if showing.min_corner_deg > 0 and any(target.in_image for target in self.targets):
+        if showing.min_corner_deg > 0 and any(target.has_corners for target in self.targets):
             shows["corner_deg"] = lambda pose: self._shown("corner_deg", pose)[..., None]
         if showing.separation_px > 0:
             shows["separation_px"] = lambda pose: self._shown(
@@ -598,12 +598,12 @@ class Constraints:
     def image_check(self, showing: Detectability) -> ImageCheck:
         """Return a check of whether edges can be found in images, under some conditions."""
         edge_ids = [
-            edges_of(self.space, target.name) if target.in_image else None
+            edges_of(self.space, target.name) if target.has_corners else None
             for target in self.targets
         ]
         scanned = [
             ()
-            if target.in_image
+            if target.has_corners
             else scanned_in(self.space, target.name, target.measurand.geometry)
             for target in self.targets
         ]

@@ -268,6 +268,11 @@ class Target(ABC):
             """Largest permitted error, mm (angles: degrees)."""
 
     @property
+    def has_corners(self) -> bool:
+        """Whether the value is measured from corner to corner: that of an edge, and a dimension that is a length."""
+        return self.in_image or bool(self.measurand.in_image)
+
+    @property
     def tolerance(self) -> tuple[float, float] | None:
         """Lower and upper deviation that the drawing allows; None of a target without them."""
         return None

@@ -88,10 +88,21 @@ def test_the_effort_says_how_many_witnesses_are_offered(most):
     assert len(target.witnesses) == most
 
 
-def test_an_edge_that_a_plan_refuses_for_its_corners_is_refused_by_predict():
+SLOT = [[-325, -20, 0], [-245, -20, 0]]
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    [
+        {"slot": SLOT},
+        {"slot": Dimension.length(SLOT, tolerance_mm=(-5.0, 5.0))},
+        {"slot": SLOT, "bore": Dimension.diameter("r15", tolerance_mm=(-1.0, 1.0))},
+    ],
+    ids=["an edge", "a length with a tolerance", "an edge beside a dimension"],
+)
+def test_an_edge_that_a_plan_refuses_for_its_corners_is_refused_by_predict(wanted):
     # of CTC-01: both ends of the slot's side pass into tangent arcs, so it has no corner to measure to
     solid = solid_of("examples/nist_ctc_01_ap242.stp")
-    wanted = {"slot": [[-325, -20, 0], [-245, -20, 0]]}
     plan = plan_inspection(solid, wanted, CAMERA, SIGMA, accuracy=0.95, effort=EFFORT)
     assert plan.uninspectable["slot"].kind is ReasonKind.NO_CORNER
     assert "ends in a tangent arc" in plan.uninspectable["slot"]

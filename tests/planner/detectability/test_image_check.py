@@ -12,6 +12,7 @@ from lit_parts import block
 from scipy.optimize import least_squares
 from scipy.spatial import KDTree
 from shapely import LineString, Point
+from solids import prism
 
 from aspectgraph import Face, Solid, read_solid, resolve_entities
 from aspectgraph.solid.rims import edges_that_show
@@ -19,7 +20,7 @@ from errors.measurands import Circle, Line
 from planner import Camera, Detectability, RequestError, Requirements, look_at
 from planner.camera.pose import moved, world_to_cam
 from planner.detectability import image_check
-from planner.detectability.corners import CONNECTED, OTHER, SHOWS
+from planner.detectability.corners import CONNECTED, OTHER, SHARP, SHOWS
 from planner.detectability.image_check import (
     MOST_PX,
     ImageCheck,
@@ -223,6 +224,32 @@ def test_the_lines_of_a_part_are_found_once_and_told_apart_by_what_they_are_aske
     assert (wide == CONNECTED).sum() > (narrow == CONNECTED).sum() > 0
     other = block()
     assert len(PartLines.of(other).contours.ids) == 12
+
+
+def test_the_contour_of_its_own_wall_is_another_line_for_an_arc():
+    """It leaves the arc tangentially, and so is near for long; an edge that ends in the arc knows it as a neighbour."""
+    angles = np.pi * (np.arange(61) / 60 - 0.5)
+    profile = [(0, -3), *((10 + 3 * np.cos(a), 3 * np.sin(a)) for a in angles), (0, 3)]
+    solid = prism(profile, 4)
+    part = PartLines.of(solid)
+    contours = part.contours
+    arc = next(arc for arc in solid.arcs() if arc.centre[2] == 4)
+    smooth = contours.kinds & SHARP == 0
+    vertices = {vertex for k in arc.edge_ids for vertex in solid.edges[k].vertices}
+    meets = np.isin(contours.ends, list(vertices)).any(axis=1)
+    relation = part.relation(arc.edge_ids, 0.1)
+    assert (smooth & meets).sum() == 61
+    assert (relation[smooth] == OTHER).all()
+    # the sides of the bar
+    assert (relation[meets & ~smooth] == CONNECTED).sum() == 2
+    side = next(k for k, edge in enumerate(solid.edges) if part_of_side(solid, edge))
+    assert (part.relation([side], 0.1)[smooth] == CONNECTED).any()
+
+
+def part_of_side(solid, edge):
+    """Whether an edge is the upper one of the side at y = 3."""
+    ends = solid.edge_points(edge.id)
+    return np.allclose(ends[:, 1:], [3, 4])
 
 
 @pytest.mark.uncompiled

@@ -99,6 +99,7 @@ def test_results_show_it_next_to_their_uncertainty():
     stored = {row["name"]: row["U_foreseen"] for row in results.to_dict()["results"]}
     assert stored == {"left": None, "right": 0.0314, "apart": None, "width": None}
     assert "U foreseen by the plan" in measured_html(results)
+    assert measured_html(results).count("not foreseen") == 3
     (first, *_) = results
     assert "U foreseen" not in measured_html(replace(results, results={"left": first}))
 

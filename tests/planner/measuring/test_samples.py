@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 from measured_plate import measured_plan, thick_plate
 from plan_examples import witness
+from solids import prism
 
 from errors.measurands import Circle, Line
-from planner import RequestError
-from planner.measuring.samples import PartModel, _holds
+from planner import Camera, RequestError, look_at
+from planner.measuring.samples import PartEdges, PartModel, _holds, median_shift, pixels_of
+
+CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 
 
 class HalfCircle:
@@ -82,3 +85,75 @@ def test_a_target_may_be_on_a_part_of_an_edge():
     beside = Line(part.p + down, part.q + down)
     with pytest.raises(RequestError, match="must be the one that was planned"):
         PartModel(solid, along(beside))
+
+
+RADIUS_MM = 12.0
+HEIGHT_MM = 10.0
+
+
+@pytest.fixture(scope="module")
+def round_ended():
+    """A bar along x whose right end is half a cylinder about x = 30 mm."""
+    angles = np.pi * (np.arange(61) / 60 - 0.5)
+    arc = [(30 + RADIUS_MM * np.cos(a), RADIUS_MM * np.sin(a)) for a in angles]
+    return prism([(0, -RADIUS_MM), *arc, (0, RADIUS_MM)], HEIGHT_MM)
+
+
+@pytest.mark.parametrize(
+    ("eye", "n_lines"), [((250, 3, 160), 2), ((250, 40, 160), 1), ((25, 2, 300), 0)]
+)
+def test_contours_are_where_a_round_wall_turns_away(round_ended, eye, n_lines):
+    """From an eye at distance d of the axis, in direction b: at the angles b ± arccos(r / d)."""
+    pose = look_at([eye], [25.0, 0, 0])[0]
+    pixels = PartEdges(round_ended).contours(pose, CAMERA)
+    away = np.array(eye[:2]) - (30, 0)
+    turn = np.arccos(min(RADIUS_MM / np.linalg.norm(away), 1.0))
+    angles = np.arctan2(away[1], away[0]) + np.array([-turn, turn])
+    angles = angles[np.cos(angles) > 0]
+    assert len(angles) == n_lines
+    lines = [
+        [(30 + RADIUS_MM * np.cos(a), RADIUS_MM * np.sin(a), z) for z in (0, HEIGHT_MM)]
+        for a in angles
+    ]
+    assert bool(len(pixels)) == bool(lines)
+    nearest = np.full(len(pixels), np.inf)
+    for line in lines:
+        first, last = pixels_of(np.array(line, dtype=float), pose, CAMERA)
+        along = (last - first) / np.linalg.norm(last - first)
+        off = np.abs((pixels - first) @ [-along[1], along[0]])
+        # both ends are there
+        for end in (first, last):
+            assert np.linalg.norm(pixels - end, axis=1).min() < 8
+        nearest = np.minimum(nearest, off)
+    # a facet's edge leaves the cylinder's contour by less than the sagitta of a chord, 0.004 mm
+    assert (nearest < 0.2).all()
+
+
+def test_an_arc_is_not_alone_where_the_contour_of_its_wall_touches_it(round_ended):
+    pose = look_at([(250, 40, 160)], [25.0, 0, 0])[0]
+    edges = PartEdges(round_ended)
+    upper = next(
+        edge
+        for edge in edges.edges
+        if isinstance(edge.geometry, Circle) and edge.geometry.centre[2] == HEIGHT_MM
+    )
+    samples = edges.samples(pose, CAMERA, [upper], 0.0)
+    pixels = pixels_of(samples.points, pose, CAMERA)
+    apart = edges.shown(pose, CAMERA).apart([upper], samples.edge, pixels)
+    angle = np.arctan2(samples.points[:, 1], samples.points[:, 0] - 30)
+    away = np.array([220.0, 40.0])
+    touching = np.arctan2(40, 220) + np.arccos(RADIUS_MM / np.linalg.norm(away)) * np.array([-1, 1])
+    px_per_mm = np.linalg.norm(pixels[1] - pixels[0]) / np.linalg.norm(
+        np.diff(samples.points[:2], axis=0)
+    )
+    distance = RADIUS_MM * px_per_mm * np.abs(angle[:, None] - touching).min(axis=1)
+    assert not apart[distance < 4].any()
+    assert (distance < 4).sum() >= 2
+    # a contour leaves an arc of radius R px by s² / (2 R) after s px
+    assert apart[distance > 2 * np.sqrt(2 * 5 * RADIUS_MM * px_per_mm)].all()
+
+
+def test_what_left_the_field_of_the_lens_does_not_count_as_moved():
+    before = np.array([[0.0, 0], [1, 1], [2, 2], [9, 9]])
+    after = before + np.array([[3.0, 4], [3, 4], [6, 8], [np.nan, np.nan]])
+    assert median_shift(before, after) == 5.0
