@@ -438,10 +438,16 @@ def write_graphml(graph: EntityAspectGraph | nx.Graph, path: str | os.PathLike[s
     >>> again.nodes[0]
     {'observable': ('top', 'side'), 'volume': 8.5}
     """
+    plain = graph if isinstance(graph, nx.Graph) else getattr(graph, "graph", None)
+    if not isinstance(plain, nx.Graph) or not isinstance(path, str | os.PathLike):
+        raise GraphMLError.of_rule(
+            "graph and path",
+            "must be an EntityAspectGraph or a networkx.Graph, and a path",
+            f"objects of the types {type(graph).__name__} and {type(path).__name__}",
+        )
     path = Path(path)
-    graph = graph if isinstance(graph, nx.Graph) else graph.graph
     try:
-        flat = _flat_graph(graph)
+        flat = _flat_graph(plain)
     except ValueError as error:
         raise GraphMLError(f"{path}: {error}") from error
     with replacing(path) as beside, open(beside, "wb") as file:
