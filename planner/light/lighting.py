@@ -1000,7 +1000,7 @@ class Lighting:
         return isinstance(self.lamps, np.ndarray)
 
     def check_part(self, solid: Solid) -> None:
-        """Refuse fixed lamps inside the part, and a light with an area that it is in the way of.
+        """Refuse fixed lamps inside or on the part, and a light with an area that it is in the way of.
 
         Parameters
         ----------
@@ -1010,14 +1010,14 @@ class Lighting:
         Raises
         ------
         LightError
-            If there is a lamp inside.
+            If there is a lamp inside or on the surface.
         RequestError
             If a backlight passes through the part or shines away from it.
         """
         if self.area is not None:
             self.area.check_part(solid)
         if isinstance(self.given, np.ndarray):
-            check_lamps(solid, self.given)
+            check_lamps(solid, self.given, may_touch=False)
 
     def served(
         self,
