@@ -43,6 +43,7 @@ from aspectgraph.visibility.visibility_regions import (
     laid_out,
     regions_of,
 )
+from ground.short_repr import count
 
 # Light domains of entities: where a lamp lights all of an edge with enough contrast, exactly.
 
@@ -227,7 +228,9 @@ def check_lamps(solid: Solid, lamps: ArrayLike, *, may_touch: bool = True) -> np
     touching = near[depth >= -noise]
     if len(touching) and not may_touch:
         raise LightError.of_rule(
-            "lamps", "must lie outside the part", f"{places[touching[0]].tolist()} mm on its surface"
+            "lamps",
+            "must lie outside the part",
+            f"{places[touching[0]].tolist()} mm on its surface",
         )
     return places
 
@@ -470,7 +473,8 @@ class LightRegions(VisibilityRegions):
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        return f"<LightRegions of {self.solid.name!r}: {len(self.entities)} entities, contrast {self.contrast:g}>"
+        size = count(len(self.entities), "entity", "entities")
+        return f"<LightRegions of {self.solid.name!r}: {size}, contrast {self.contrast:g}>"
 
     def showing(self, lamps: ArrayLike, names: Sequence[str] | None = None) -> np.ndarray:
         """Whether lamps, each alone, light entities as a whole with the least contrast.
@@ -710,8 +714,7 @@ class LightGraph(EntityAspectGraph):
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        size = f"{len(self.graph)} domains, {self.graph.number_of_edges()} adjacencies"
-        return f"<LightGraph of {self.solid.name!r}: {len(self.entities)} entities, {size}>"
+        return f"<LightGraph of {self.solid.name!r}: {self._size}>"
 
     @property
     def contrast(self) -> float:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from aspectgraph.exact.grid import LIMBS, POINT_BITS, Grid, meet, sign_at_point, turned
 from aspectgraph.exceptions import MemoryLimitError
 from ground.decorators import entry_kernel, holds_value, kernel, kernel_without_refcounts, put
+from ground.short_repr import count
 
 # Arrays of a convex cell complex, and how vertices, edges, faces and cells are added to them.
 #
@@ -791,7 +792,7 @@ class CellSet:
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        return f"<CellSet: {len(self)} cells, {self.volume:.4g} mm³>"
+        return f"<CellSet: {count(len(self), 'cell')}, {self.volume:.4g} mm³>"
 
     def __len__(self) -> int:
         return len(self._cells)

@@ -33,7 +33,7 @@ from aspectgraph.files import replacing, up_to_limit
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.visibility_regions import VisibilityRegions
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook
-from ground.short_repr import short_repr
+from ground.short_repr import count, short_repr
 
 # The entity-based aspect graph: viewing domains as nodes, common boundaries as edges (paper
 # section 3).
@@ -155,8 +155,16 @@ class EntityAspectGraph(ShownInNotebook):
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        size = f"{len(self.graph)} domains, {self.graph.number_of_edges()} adjacencies"
-        return f"<EntityAspectGraph of {self.solid.name!r}: {len(self.entities)} entities, {size}>"
+        return f"<EntityAspectGraph of {self.solid.name!r}: {self._size}>"
+
+    @property
+    def _size(self) -> str:
+        """Numbers of entities, domains and adjacencies."""
+        n_adjacencies = self.graph.number_of_edges()
+        return (
+            f"{count(len(self.entities), 'entity', 'entities')}, "
+            f"{count(len(self.graph), 'domain')}, {count(n_adjacencies, 'adjacency', 'adjacencies')}"
+        )
 
     def _notebook_view(self) -> NotebookView:
         listed_as = self.regions.listed_as
@@ -169,7 +177,8 @@ class EntityAspectGraph(ShownInNotebook):
             percent = 100 * nodes[node]["volume"] / total
             share = f"{percent:.2g} %" if percent >= 0.01 else "< 0.01 %"
             clearance = f"{nodes[node]['clearance']:.3g}"
-            rows.append((node, f"{len(names)}: {_some(names)}", share, place, clearance))
+            listed = f"{count(len(names), 'entity', 'entities')}: {_some(names)}"
+            rows.append((node, listed if names else "none", share, place, clearance))
         headings = (
             "domain",
             listed_as,
@@ -177,10 +186,7 @@ class EntityAspectGraph(ShownInNotebook):
             "viewpoint (mm)",
             "clearance (mm)",
         )
-        lines = [
-            f"{len(self.entities)} entities, {len(nodes)} domains, "
-            f"{self.graph.number_of_edges()} adjacencies."
-        ]
+        lines = [f"{self._size}."]
         if len(nodes) > len(rows):
             lines.append(f"The {len(rows)} domains with the longest lists:")
         return NotebookView(

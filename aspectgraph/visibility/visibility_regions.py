@@ -45,6 +45,7 @@ from aspectgraph.visibility.scene import (
     own_order,
 )
 from ground.shared import Shared
+from ground.short_repr import count
 
 # Visible regions kept in files as they are computed, so that an interrupted computation goes on
 # where it was.
@@ -291,10 +292,9 @@ class VisibilityRegions:
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
+        n_entities = count(len(self.entities), "entity", "entities")
         snapped = f"vertices snapped by at most {self.grid.snapping_mm:.3g} mm"
-        return (
-            f"<VisibilityRegions of {self.solid.name!r}: {len(self.entities)} entities, {snapped}>"
-        )
+        return f"<VisibilityRegions of {self.solid.name!r}: {n_entities}, {snapped}>"
 
     @property
     def entity_names(self) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from aspectgraph.entities.entity import Entity
 from aspectgraph.solid.solid import RayScene
+from ground.short_repr import count
 from planner.camera.camera import Camera, tangents_of
 from planner.light.corner_light import (
     BESIDE_PX,
@@ -496,7 +497,8 @@ class AreaSpace(LitSpace):
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        return f"<AreaSpace of {self.solid.name!r}: {len(self.entities)} entities, {self.area}>"
+        size = count(len(self.entities), "entity", "entities")
+        return f"<AreaSpace of {self.solid.name!r}: {size}, {self.area}>"
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the rays' scene behind: it cannot cross a process boundary."""

@@ -23,6 +23,7 @@ from aspectgraph.light import (
 )
 from aspectgraph.solid.solid import RayScene
 from ground.convert import Plain, from_plain, to_plain
+from ground.short_repr import count
 from planner.argument_kinds import FROM_0_BELOW_1, NOT_NEGATIVE, POSITIVE, check_number
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
@@ -713,7 +714,7 @@ class RingSpace(LitSpace):
     >>> from planner import Camera, RingSpace
     >>> light = compute_light(box, {"top": 1}, 0.1)
     >>> RingSpace(light, Camera.named("basler-acA2440-20gm-8mm"))
-    <RingSpace of 'box': 1 entities, contrast 0.1>
+    <RingSpace of 'box': 1 entity, contrast 0.1>
     """
 
     def __init__(self, light: LightRegions, camera: Camera, step: float = DEFAULT_STEP) -> None:
@@ -726,7 +727,8 @@ class RingSpace(LitSpace):
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        return f"<RingSpace of {self.solid.name!r}: {len(self.entities)} entities, contrast {self.contrast:g}>"
+        size = count(len(self.entities), "entity", "entities")
+        return f"<RingSpace of {self.solid.name!r}: {size}, contrast {self.contrast:g}>"
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the rays' scene behind: it cannot cross a process boundary."""

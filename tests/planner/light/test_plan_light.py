@@ -626,7 +626,7 @@ def test_it_passes_to_other_processes_and_knows_its_parts():
     assert (again.observable(eyes) == before).all()
     assert (space.subset(["rim"]).observable(eyes) == before).all()
     assert space.covering_cells(["rim"]).volume == space.light.covering_cells(["rim"]).volume
-    assert repr(space) == "<RingSpace of 'step': 1 entities, contrast 0.1>"
+    assert repr(space) == "<RingSpace of 'step': 1 entity, contrast 0.1>"
     with pytest.raises(RequestError, match=r"step must be in \[0, 1\). Got 1"):
         RingSpace(space.light, CAMERA, 1)
 
