@@ -28,6 +28,7 @@ from aspectgraph.domains.find_domains import (
     Domains,
 )
 from aspectgraph.entities.entity import Entity
+from aspectgraph.exact.grid import as_points
 from aspectgraph.exceptions import EntityError, GraphMLError
 from aspectgraph.files import replacing, up_to_limit
 from aspectgraph.solid.solid import Solid
@@ -271,8 +272,13 @@ class EntityAspectGraph(ShownInNotebook):
         -------
         ndarray of int64, shape (n,)
             Node numbers; -1 inside the solid and outside the workspace.
+
+        Raises
+        ------
+        WorkspaceError
+            If the points have another shape.
         """
-        viewpoints = np.asarray(points, float).reshape(-1, 3)
+        viewpoints = as_points(points)
         result = np.full(len(viewpoints), -1, np.int64)
         inside = ((viewpoints >= self.workspace[0]) & (viewpoints <= self.workspace[1])).all(axis=1)
         cells = locate(self._tree, self.regions.grid.to_points(viewpoints[inside]))
@@ -316,7 +322,19 @@ class EntityAspectGraph(ShownInNotebook):
         -------
         CellSet
             The cells that the domain consists of.
+
+        Raises
+        ------
+        EntityError
+            If there is no such node.
         """
+        if (
+            isinstance(node, bool)
+            or not isinstance(node, int | np.integer)
+            or node not in self.graph
+        ):
+            rule = f"must be a domain of the graph, 0 to {len(self.graph) - 1}"
+            raise EntityError.of_rule("node", rule, repr(node))
         return CellSet(self._cx, self._domains.domains[node].cells, self.regions.grid)
 
     def sample(

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from aspectgraph.cells.arrays import CellSet, Complex, Tree, cut_further, holds
 from aspectgraph.cells.split import crop, leaves
 from aspectgraph.entities.entity import Entity, Stretch, resolve_entities
-from aspectgraph.exact.grid import Grid
+from aspectgraph.exact.grid import Grid, as_points
 from aspectgraph.exceptions import EntityError, WorkspaceError
 from aspectgraph.files import code_digest
 from aspectgraph.solid.solid import Solid, check_solid
@@ -489,7 +489,7 @@ class VisibilityRegions:
         return tuple(names)
 
     def _queries(self, points: ArrayLike) -> np.ndarray:
-        viewpoints = np.asarray(points, float).reshape(-1, 3)
+        viewpoints = as_points(points)
         outside = ~((viewpoints >= self.workspace[0]) & (viewpoints <= self.workspace[1])).all(
             axis=1
         )

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph.entities.entity import Entity
+from aspectgraph.exact.grid import as_points
 from aspectgraph.solid.solid import RayScene
 from ground.short_repr import count
 from planner.camera.camera import Camera, tangents_of
@@ -559,7 +560,7 @@ class AreaSpace(LitSpace):
             One column per name.
         """
         names = self.entity_names if names is None else names
-        eyes = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+        eyes = as_points(points)
         return self._showing(eyes, names, np.array(self.regions.observable(eyes, names)))
 
     def observable_where(self, points: Array, names: Sequence[str], wanted: Bools) -> Bools:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 
 from aspectgraph.cells.arrays import Cell
+from aspectgraph.exact.grid import as_points
 from aspectgraph.light import (
     DEFAULT_CONTRAST,
     LightRegions,
@@ -787,7 +788,7 @@ class RingSpace(LitSpace):
             One column per name.
         """
         names = self.entity_names if names is None else names
-        eyes = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+        eyes = as_points(points)
         visible = np.array(self.light.observable(eyes, names))
         for k, name in enumerate(names):
             for edge_id in self.entities[name].edge_ids:
