@@ -123,15 +123,15 @@ def _array(name: str, values: ArrayLike, shapes: Sequence[str]) -> np.ndarray:
     # letters stand for any number
     sizes = [str(size) for size in array.shape]
     for shape in shapes:
-        wanted = shape.strip("(,)").split(", ")
-        fits = len(wanted) == len(sizes) and all(
+        numbers = shape.strip("(,)").split(", ")
+        fits = len(numbers) == len(sizes) and all(
             size == number or not number.isdigit()
-            for size, number in zip(sizes, wanted, strict=True)
+            for size, number in zip(sizes, numbers, strict=True)
         )
         if fits and np.isfinite(array).all():
             return array
     rule = f"must be finite numbers of the shape {' or '.join(shapes)}"
-    raise RequestError.of_rule(name, rule, reprlib.repr(values))
+    raise RequestError.of_rule(name, rule, " ".join(reprlib.repr(values).split()))
 
 
 class _Label(NamedTuple):
