@@ -43,6 +43,7 @@ from aspectgraph.visibility.visibility_regions import (
     laid_out,
     regions_of,
 )
+from ground.short_repr import count
 
 # Light domains of entities: where a lamp lights all of an edge with enough contrast, exactly.
 
@@ -183,8 +184,17 @@ def check_contrast(value: float) -> float:
     return float(value)
 
 
-def check_lamps(solid: Solid, lamps: ArrayLike) -> np.ndarray:
+def check_lamps(solid: Solid, lamps: ArrayLike, *, may_touch: bool = True) -> np.ndarray:
     """Return places of lamps as (n, 3) float64, all finite and outside the part.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    lamps : array_like, shape (n, 3)
+        Places in mm.
+    may_touch : bool
+        Whether a lamp may lie on the surface of the part.
 
     Raises
     ------
@@ -203,16 +213,24 @@ def check_lamps(solid: Solid, lamps: ArrayLike) -> np.ndarray:
             "lamps", "must be finite points, shape (n, 3), in mm", str(places.tolist())
         )
     low, high = solid.bounds
-    near = np.flatnonzero(((places > low) & (places < high)).all(axis=1))
+    near = np.flatnonzero(((places >= low) & (places <= high)).all(axis=1))
     depth = (
         -RayScene(solid.vertices, solid.triangles).signed_distance(places[near])
         if len(near)
         else np.empty(0)
     )
-    inside = near[depth > _ON_SURFACE * float(np.linalg.norm(high - low))]
+    noise = _ON_SURFACE * float(np.linalg.norm(high - low))
+    inside = near[depth > noise]
     if len(inside):
         raise LightError.of_rule(
             "lamps", "must lie outside the part", f"{places[inside[0]].tolist()} mm inside it"
+        )
+    touching = near[depth >= -noise]
+    if len(touching) and not may_touch:
+        raise LightError.of_rule(
+            "lamps",
+            "must lie outside the part",
+            f"{places[touching[0]].tolist()} mm on its surface",
         )
     return places
 
@@ -455,7 +473,8 @@ class LightRegions(VisibilityRegions):
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        return f"<LightRegions of {self.solid.name!r}: {len(self.entities)} entities, contrast {self.contrast:g}>"
+        size = count(len(self.entities), "entity", "entities")
+        return f"<LightRegions of {self.solid.name!r}: {size}, contrast {self.contrast:g}>"
 
     def showing(self, lamps: ArrayLike, names: Sequence[str] | None = None) -> np.ndarray:
         """Whether lamps, each alone, light entities as a whole with the least contrast.
@@ -695,8 +714,7 @@ class LightGraph(EntityAspectGraph):
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        size = f"{len(self.graph)} domains, {self.graph.number_of_edges()} adjacencies"
-        return f"<LightGraph of {self.solid.name!r}: {len(self.entities)} entities, {size}>"
+        return f"<LightGraph of {self.solid.name!r}: {self._size}>"
 
     @property
     def contrast(self) -> float:

@@ -11,6 +11,24 @@ LONGEST: Final = 120
 _LONGEST_VALUE = 40
 
 
+def count(n: int, singular: str, plural: str | None = None) -> str:
+    """Return a number with its noun.
+
+    Parameters
+    ----------
+    n : int
+        The number.
+    singular, plural : str
+        The noun. Default of the plural: with an s.
+
+    Examples
+    --------
+    >>> count(1, "entity", "entities"), count(2, "domain")
+    ('1 entity', '2 domains')
+    """
+    return f"{n} {singular if n == 1 else plural or singular + 's'}"
+
+
 def short_repr(record: Any) -> str:
     """Return a record as one line of at most 120 characters.
 

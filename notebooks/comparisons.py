@@ -249,7 +249,8 @@ def span(values, form="{:g}"):
 
 for (part,), runs in grouped(planners, "part").items():
     bound = next(r["bound"] for r in runs if r["bound"])
-    print(f"{part}: proven that at least {bound} settings are needed")
+    needed = "1 setting is" if bound == "1" else f"{bound} settings are"
+    print(f"{part}: proven that at least {needed} needed")
     print(f"  {'':<36}{'settings':>10}{'left out':>10}{'worst P':>18}{'seconds':>18}")
     for (planner,), own in grouped(runs, "planner").items():
         cells = (

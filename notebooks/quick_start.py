@@ -23,6 +23,7 @@ from pathlib import Path
 from IPython.display import SVG
 
 from aspectgraph import read_solid, select_entities
+from errors.checks import probability_text
 from planner import Camera, Effort, PoseUncertainty, plan_figure, plan_inspection, predicted_image
 
 EXAMPLES = Path("../examples") if Path("../examples").is_dir() else Path("examples")
@@ -47,8 +48,8 @@ plan = plan_inspection(
 plan
 
 # %% [markdown]
-# One pose is enough, and that is proven. *Smallest P* is the stated probability of the least sure edge; *simulated* is
-# how often 10,000 displaced cameras measured it well enough.
+# One pose is enough, and that is proven. *Smallest P_all* is the stated probability that a displaced camera measures
+# the least sure edge; *simulated* is how often 10,000 displaced cameras measured it well enough.
 #
 # This plan asks nothing of light, so an edge that your lamps do not show is not measured. `lamps="ring"` plans for a
 # lamp on the camera, and `lamps=LampDome(...)` looks for places of lamps.
@@ -76,7 +77,7 @@ print(", ".join(rows[0]))
 for row in rows[:3]:
     print(
         f"\n{row['name']}: {row['kind']} {row['nominal']:.2f} mm, u = {row['standard_uncertainty']:.3f} mm, "
-        f"P = {row['probability']:.4f}, search within ±{row['search_window_px']:.1f} px"
+        f"P {probability_text(row['probability'])}, search within ±{row['search_window_px']:.1f} px"
     )
 assert len(rows) == len(edges)
 

@@ -26,6 +26,7 @@ import numpy as np
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from aspectgraph import read_solid
+from errors.checks import frequency_text, probability_text
 from planner import (
     ArmUncertainty,
     Camera,
@@ -150,10 +151,13 @@ program = robot_program(plan, solid, cell, speed=0.5, uncertainty=arm)
 print(program)
 for tour in program.tours:
     for stop in tour.stops:
-        rates = ", ".join(f"{rate.frequency:.4f}" for rate in stop.simulated.values())
+        rates = ", ".join(
+            frequency_text(rate.successes, rate.n) for rate in stop.simulated.values()
+        )
         smallest = min(stop.probability.values())
         print(
-            f"{tour.fixturing!r}: setting {stop.setting_idx + 1}, P {smallest:.4f}, simulated {rates}"
+            f"{tour.fixturing!r}: setting {stop.setting_idx + 1}, P {probability_text(smallest)}, "
+            f"simulated {rates}"
         )
 assert program.complete
 

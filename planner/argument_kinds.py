@@ -29,7 +29,7 @@ _HINTS = {
     "Localisation": "Localisation.gaussian makes one",
     "MeasurementResults": "measure makes them",
     "PartRequest": "it holds camera, pose_uncertainty and what to measure",
-    ITEMS: "read_entities reads one from a text",
+    ITEMS: "read_entities reads a text, and select_entities takes a rule",
 }
 _LONGEST = 40
 # what the command line calls them, and what others do

@@ -18,12 +18,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from concurrent.futures import Executor
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ground.blas import with_one_thread
-from planner.argument_kinds import ITEMS, check_keywords, check_kinds
+from planner.argument_kinds import ITEMS, check_keywords, check_kinds, shown
 from planner.callbacks import FORESEEN_SHARE, Callbacks, Deadline
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
@@ -40,6 +43,7 @@ from planner.measuring.planned_edges import registered_problem
 from planner.options import InspectionOptions, RunOptions
 from planner.plan import InspectionPlan
 from planner.progress import TimeIsUpError, labelled
+from planner.request.dimension import Dimension
 from planner.request.problem import Problem
 from planner.request.reach import Space
 from planner.resolve_request import ResolvedRequest, problem_on, resolve_request
@@ -78,7 +82,8 @@ def plan_inspection(
         Name to an edge, a rim, an arc or a `Dimension`. An edge is an id or two end points. The
         plan measures the length of an edge, the diameter of a rim (``"r3"``) and the radius of an
         arc (``"a0"``). The permitted error is 1 − A of the value. Ids without names, such as
-        `select_entities` returns, are named ``"e<id>"``, ``"r<n>"`` or ``"a<n>"``.
+        `select_entities` returns, are named ``"e<id>"``, ``"r<n>"`` or ``"a<n>"``. They may also be
+        an array or a set, which is sorted.
     camera : Camera
         The camera.
     pose_uncertainty : PoseUncertainty
@@ -121,6 +126,7 @@ def plan_inspection(
     >>> plan.complete, len(plan.settings), plan.lower_bound
     (True, 1, 1)
     """
+    entities = _items(entities)
     check_kinds(
         solid=(solid, "Solid"),
         entities=(entities, ITEMS),
@@ -217,6 +223,25 @@ def plan_request(
         result = completed(result)
     incumbents.publish(result)
     return result
+
+
+def _items(entities: Any) -> Any:
+    """Return entities of an array or a set as a list; dimensions without names are refused."""
+    is_array = isinstance(entities, np.ndarray) and entities.ndim > 0
+    is_set = isinstance(entities, AbstractSet)
+    if not (is_array or is_set or isinstance(entities, list | tuple)):
+        return entities
+    for item in entities:
+        if isinstance(item, Dimension):
+            rule = "must name each dimension"
+            got = f"a {type(entities).__name__} with {shown(item)}"
+            hint = 'write {"name": Dimension(...)}'
+            raise RequestError.of_rule("entities", rule, got, hint=hint)
+    if not (is_array or is_set):
+        return entities
+    from aspectgraph.entities.entity import unnamed_entities
+
+    return unnamed_entities(entities)
 
 
 def _problem(

@@ -13,7 +13,7 @@ import numpy as np
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
 from planner.argument_kinds import check_kinds
 from planner.files import write_text
-from planner.text_table import Column, Table
+from planner.text_table import Column, Table, count, data_frame
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -155,14 +155,7 @@ class PlanTables(ShownInNotebook):
         >>> names
         ['e1', 'e4']
         """
-        try:
-            import pandas
-        except ImportError:
-            raise ImportError(
-                "to_dataframe() needs pandas. Install it with: pip install pandas; "
-                "rows() and to_csv() need nothing."
-            ) from None
-        return pandas.DataFrame(self.rows())
+        return data_frame(self.rows())
 
     def plot(self, solid: Solid | None = None, space: Space | None = None) -> go.Figure:
         """Draw the plan in 3-D, like `plan_figure`: part, entities, and cameras in order.
@@ -223,6 +216,7 @@ class PlanTables(ShownInNotebook):
     def _notebook_view(self) -> NotebookView:
         """Return a table of the settings; see also `plan_figure` for the plan in 3-D."""
         from errors.checks import frequency_text, probability_text
+        from planner.request.targets import words_of
 
         rows = []
         for number, setting in enumerate(self.settings, start=1):
@@ -233,7 +227,8 @@ class PlanTables(ShownInNotebook):
             place = ", ".join(f"{c:.1f}" for c in setting.position)
             names = ", ".join(setting.entities)
             rows.append((number, place, names, probability_text(smallest), simulated))
-        headings = ("", "camera at (mm)", "entities", f"smallest {self._promised}", "simulated")
+        items = words_of(self.targets).items[1]
+        headings = ("", "camera at (mm)", items, f"smallest {self._promised}", "simulated")
         return NotebookView(
             f"Plan of {self.part or 'a part'}",
             (self._verdict(), self._caption()),
@@ -267,11 +262,14 @@ class PlanTables(ShownInNotebook):
     def _caption(self) -> str:
         total = len(self.targets)
         shown = total - len(self.uninspectable) - len(self.unlit)
-        settings = "1 setting" if len(self.settings) == 1 else f"{len(self.settings)} settings"
+        settings = count(len(self.settings), "setting")
+        # a share of a tolerance does not depend on A
+        uses_accuracy = any(getattr(item, "share", None) is None for item in self.targets.values())
+        accuracy = f"A = {self.accuracy:g}, " if uses_accuracy else ""
         dark = f", with the {len(self.unlit)} that no lamp shows" if self.unlit else ""
         return (
             f"{self.part or 'part'}: {shown} of {total} inspected in {settings} (at least "
-            f"{self.lower_bound} needed{dark}), A = {self.accuracy:g}, P ≥ {self.probability:g}"
+            f"{self.lower_bound} needed{dark}), {accuracy}P ≥ {self.probability:g}"
             f"{'; ' if self.features_text else ''}{self.features_text}"
         )
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from errors.checks import probability_text
 from ground.convert import SPELLED, STATED, Meta, from_plain, to_plain
+from ground.short_repr import count
 from planner.exceptions import PlanFileError
 from planner.plan_file import Amount, Count, Names, Pixels, Pose, Probabilities, Share, Texts
 from planner.request.registration import PoseKnowledge
@@ -249,7 +250,7 @@ class SensorSetting:
             if self.probability
             else ""
         )
-        return f"<SensorSetting: {len(self.entities)} entities from ({place}) mm{worst}>"
+        return f"<SensorSetting: {count(len(self.entities), 'target')} from ({place}) mm{worst}>"
 
     @property
     def position(self) -> np.ndarray:

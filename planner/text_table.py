@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ground.short_repr import count as count
 from ground.templates import render_macro
 from planner.progress import visible
 
@@ -96,9 +97,32 @@ class WholePieces(NamedTuple):
 Cell = str | WholePieces
 
 
-def count(n: int, singular: str, plural: str | None = None) -> str:
-    """Return a number with its noun."""
-    return f"{n} {singular if n == 1 else plural or singular + 's'}"
+def data_frame(rows: list[dict[str, Any]]) -> Any:
+    """Return rows as a data frame of pandas.
+
+    Parameters
+    ----------
+    rows : list of dict
+        Values by column.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each.
+
+    Raises
+    ------
+    ImportError
+        If pandas is not installed.
+    """
+    try:
+        import pandas
+    except ImportError:
+        raise ImportError(
+            "to_dataframe() needs pandas. Install it with: pip install pandas; "
+            "rows() and to_csv() need nothing."
+        ) from None
+    return pandas.DataFrame(rows)
 
 
 def digits_text(value: float, digits: int) -> str:

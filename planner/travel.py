@@ -19,6 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ground.decorators import njit
+from planner.exceptions import RequestError
 
 RADIAN_MM = 200.0
 EXACT_UP_TO = 10
@@ -49,8 +50,16 @@ def pose_distances(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> np.n
     -------
     ndarray, shape (n, n)
         Symmetric, zero on the diagonal, millimetres.
+
+    Raises
+    ------
+    RequestError
+        If the poses have another shape.
     """
-    poses = np.asarray(cam2worlds, dtype=float).reshape(-1, 4, 4)
+    poses = np.asarray(cam2worlds, dtype=float)
+    if poses.size and (poses.ndim not in {2, 3} or poses.shape[-2:] != (4, 4)):
+        raise RequestError.of_rule("cam2worlds", "must have the shape (n, 4, 4)", str(poses.shape))
+    poses = poses.reshape(-1, 4, 4)
     if len(poses) == 0:
         return np.zeros((0, 0))
     moves = np.linalg.norm(poses[:, None, :3, 3] - poses[None, :, :3, 3], axis=-1)
@@ -79,6 +88,11 @@ def travel_order(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> tuple[
     -------
     tuple of int
         Indices of the poses in the order of travel.
+
+    Raises
+    ------
+    RequestError
+        If the poses have another shape.
 
     Examples
     --------

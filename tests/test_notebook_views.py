@@ -1,5 +1,6 @@
 """What notebooks show of parts, graphs, plans, lamps and results, in a real browser: readable at any width."""
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -7,7 +8,7 @@ from functools import cache
 
 import pytest
 from browser import Browser, needs_browser
-from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
+from measured_plate import POSES, dimensions_of, fine_plate, measured_plan, photograph, thick_plate
 from plan_examples import LIGHT, plan
 
 from aspectgraph import Solid, build_aspect_graph, read_requirements, read_solid
@@ -112,6 +113,36 @@ def test_a_graph_lists_its_domains():
     assert html.count("<tr>") == 1 + min(n, 12)
     longest = max((data["observable"] for _, data in eag.graph.nodes(data=True)), key=len)
     assert all(name in html for name in longest)
+    cells = re.findall("<td[^>]*>([^<]*)</td>", html.split("<tr>")[2])
+    assert cells[:2] == ["0", f"{len(longest)} entities: {', '.join(longest)}"]
+
+
+def test_one_of_a_kind_is_singular():
+    eag = build_aspect_graph(values()["solid"], {"edge": 0})
+    counts = f"1 entity, {len(eag.graph)} domains, "
+    assert f"{counts}{eag.graph.number_of_edges()} adjacenc" in eag._repr_html_()
+    assert f": {counts}" in repr(eag)
+    assert ": 1 entity, vertices snapped" in repr(eag.regions)
+    one = replace(LIGHT, images=(LIGHT.images[0][:1],), unlit=({"bottom": "no lamp"},))
+    assert f", {one.ground} background" in one._repr_html_()
+    assert "1 image, " in one._repr_html_()
+    assert "1 image, 1 unlit>" in repr(one)
+    assert "1 target is not lit." in one._repr_html_()
+
+
+def test_the_table_of_a_plan_names_its_targets():
+    """The accuracy A is stated where the error of some target depends on it."""
+    edges = plan()
+    assert ">entities</th>" in edges._repr_html_()
+    assert "A = 0.98, P" in edges._repr_html_()
+    named = {"left": dimensions_of(thick_plate())["left"]}
+    stated = measured_plan(thick_plate(), ["left"], dimensions=named)
+    assert ">dimensions</th>" in stated._repr_html_()
+    assert "A = " in stated._repr_html_()
+    toleranced = {"left": replace(named["left"], share=0.25)}
+    html = measured_plan(thick_plate(), ["left"], dimensions=toleranced)._repr_html_()
+    assert "A = " not in html
+    assert "needed), P ≥ " in html
 
 
 def test_the_verdict_of_a_plan_has_its_colour():

@@ -10,6 +10,7 @@ from importlib.metadata import version
 from itertools import product
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import aspectgraph
@@ -39,6 +40,7 @@ from planner import (
     PoseUncertainty,
     Registration,
     RequestError,
+    measure,
     measured_html,
     plan_folder,
     plan_inspection,
@@ -136,6 +138,10 @@ def test_a_data_frame_holds_the_rows(monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", stand_in)
     plan = read_plan(PLAN)
     assert plan.to_dataframe() == ("frame", plan.rows())
+    width, height = plan.camera.resolution
+    results = measure(plan, BLOCK, {1: np.zeros((height, width), np.uint8)})
+    assert results.to_dataframe() == ("frame", results.rows())
+    assert len(results.rows()) == len(plan.targets)
 
 
 def test_without_pandas_one_sentence_says_what_to_install(monkeypatch):

@@ -137,7 +137,7 @@ def test_setting(eag):
     worst = min(setting.probability.values())
     assert worst > 0.9999
     assert (
-        repr(setting) == f"<SensorSetting: 2 entities from {place}, smallest probability > 0.9999>"
+        repr(setting) == f"<SensorSetting: 2 targets from {place}, smallest probability > 0.9999>"
     )
 
 
@@ -148,7 +148,7 @@ def test_plan_and_simulation(plan):
     assert worst == pytest.approx(0.001 ** (1 / 20_000), rel=1e-9)
     assert repr(plan) == f"<InspectionPlan of 'box': {found}, smallest probability 0.9996>"
     simulation = plan.simulate(1000)
-    assert repr(simulation) == "<SimulationResult: 1 settings, 1000 poses each: 2 confirmed>"
+    assert repr(simulation) == "<SimulationResult: 1 setting, 1000 poses each: 2 confirmed>"
 
 
 def test_plan_without_settings(plan):

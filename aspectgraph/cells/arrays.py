@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aspectgraph.exact.grid import LIMBS, POINT_BITS, Grid, meet, sign_at_point, turned
+from aspectgraph.exact.grid import LIMBS, POINT_BITS, Grid, as_points, meet, sign_at_point, turned
 from aspectgraph.exceptions import MemoryLimitError
 from ground.decorators import entry_kernel, holds_value, kernel, kernel_without_refcounts, put
+from ground.short_repr import count
 
 # Arrays of a convex cell complex, and how vertices, edges, faces and cells are added to them.
 #
@@ -791,7 +792,7 @@ class CellSet:
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        return f"<CellSet: {len(self)} cells, {self.volume:.4g} mm³>"
+        return f"<CellSet: {count(len(self), 'cell')}, {self.volume:.4g} mm³>"
 
     def __len__(self) -> int:
         return len(self._cells)
@@ -865,12 +866,15 @@ class CellSet:
         -------
         ndarray of bool, shape (n,)
             True on the boundary too.
+
+        Raises
+        ------
+        WorkspaceError
+            If the points have another shape.
         """
         flag = np.zeros(int(self._cx.count[N_CELLS]), bool)
         flag[self._cells] = True
-        return holds(
-            tree_of(self._cx), flag, self._grid.to_points(np.asarray(points, float).reshape(-1, 3))
-        )
+        return holds(tree_of(self._cx), flag, self._grid.to_points(as_points(points)))
 
     def sample(self, n: int, rng: int | np.random.Generator = 0) -> np.ndarray:
         """Draw points uniformly from the union.

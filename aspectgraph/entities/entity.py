@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache
@@ -706,7 +707,7 @@ def resolve_entities(
         with end points in mm. End points may span a chain of collinear edges. An `Edge`, `Rim`,
         `Arc`, `Stretch`, `Run` or `Entity` of this solid can replace an id, and so can the text of
         a part, ``"17[0:1/4]"``. Items without names are named ``"e<id>"``, ``"r<n>"``, ``"a<n>"``,
-        and parts ``"e17[0:1/4]"`` and ``"r11[3:22]"``.
+        and parts ``"e17[0:1/4]"`` and ``"r11[3:22]"``. Those of a set are sorted.
     tolerance_mm : float, optional
         Largest distance of a given end point from its vertex. Default: 10⁻⁴ of the bounding box
         diagonal.
@@ -737,7 +738,7 @@ def resolve_entities(
     """
     check_solid(solid)
     if not isinstance(mapping, Mapping):
-        mapping = {_id_name(item): item for item in _distinct(mapping)}
+        mapping = {_id_name(item): item for item in _distinct(unnamed_entities(mapping))}
     if not mapping:
         raise EntityError.of_rule("entities", "must name at least one edge, rim or arc", "none")
     if tolerance_mm is None:
@@ -763,6 +764,32 @@ def resolve_entities(
     return entities
 
 
+_TEXTS = "read_entities reads a text, and select_entities takes a rule"
+
+
+def unnamed_entities(items: Any) -> list[Any]:
+    """Return entities without names as a list.
+
+    Parameters
+    ----------
+    items : iterable
+        Such as a sequence or an array of ids. Those of a set are sorted.
+
+    Raises
+    ------
+    EntityError
+        If it is none, or a text.
+    """
+    if isinstance(items, AbstractSet):
+        return sorted(items, key=lambda item: entity_order(_id_name(item)))
+    is_point = isinstance(items, np.ndarray) and items.ndim == 0
+    if is_point or isinstance(items, str | bytes) or not isinstance(items, Iterable):
+        raise EntityError.of_rule(
+            "entities", "must be a mapping or sequence", repr(items)[:80], hint=_TEXTS
+        )
+    return list(items)
+
+
 def _id_name(item: Any) -> str:
     if isinstance(item, Edge):
         return f"e{item.id}"
@@ -777,8 +804,7 @@ def _id_name(item: Any) -> str:
     return f"e{item}"
 
 
-def _distinct(items: Iterable[Any]) -> list[Any]:
-    items = list(items)
+def _distinct(items: list[Any]) -> list[Any]:
     for i, item in enumerate(items):
         if any(
             item is other or item == other

@@ -7,6 +7,7 @@ import io
 import json
 import operator
 import re
+import reprlib
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -322,6 +323,10 @@ def select_entities(solid: Solid, rule: str) -> list[int | str]:
     [0, 5, 20, 22]
     """
     check_solid(solid)
+    if not isinstance(rule, str):
+        raise EntityError.of_rule(
+            "rule", "must be a text such as 'length > 20'", reprlib.repr(rule)
+        )
     conditions = _conditions(rule)
     tests = [_test(text, solid) for text in conditions]
     kinds = _selected_kinds(conditions)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,6 +12,7 @@ import shapely
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
+from numpy.typing import ArrayLike
 
 from aspectgraph.exceptions import ResolutionError, SolidError, WorkspaceError
 from aspectgraph.solid.checks import segment_distance, side_distances
@@ -444,6 +446,31 @@ class Grid:
 def turned(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Apply a (3, 3) matrix to (..., 3) vectors, each alone, so that its rounding depends on no other."""
     return sum(vectors[..., k : k + 1] * matrix[:, k] for k in range(3))
+
+
+def as_points(points: ArrayLike) -> np.ndarray:
+    """Return points as an array (n, 3) of doubles.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 3)
+        Points in mm. One point alone, (3,), counts as one row, and an empty list as none.
+
+    Raises
+    ------
+    WorkspaceError
+        If they have another shape.
+    """
+    try:
+        array = np.asarray(points, dtype=np.float64)
+    except (OverflowError, TypeError, ValueError):
+        raise WorkspaceError.of_rule(
+            "points", "must be an array of numbers", reprlib.repr(points)
+        ) from None
+    # six numbers are two points, but (3, 2) are three points that lack a coordinate
+    if array.size and (array.ndim == 0 or array.shape[-1] != 3):
+        raise WorkspaceError.of_rule("points", "must have the shape (n, 3)", str(array.shape))
+    return array.reshape(-1, 3)
 
 
 def as_queries(coordinates: np.ndarray) -> np.ndarray:

@@ -28,12 +28,13 @@ from aspectgraph.domains.find_domains import (
     Domains,
 )
 from aspectgraph.entities.entity import Entity
+from aspectgraph.exact.grid import as_points
 from aspectgraph.exceptions import EntityError, GraphMLError
 from aspectgraph.files import replacing, up_to_limit
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.visibility_regions import VisibilityRegions
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook
-from ground.short_repr import short_repr
+from ground.short_repr import count, short_repr
 
 # The entity-based aspect graph: viewing domains as nodes, common boundaries as edges (paper
 # section 3).
@@ -155,8 +156,16 @@ class EntityAspectGraph(ShownInNotebook):
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        size = f"{len(self.graph)} domains, {self.graph.number_of_edges()} adjacencies"
-        return f"<EntityAspectGraph of {self.solid.name!r}: {len(self.entities)} entities, {size}>"
+        return f"<EntityAspectGraph of {self.solid.name!r}: {self._size}>"
+
+    @property
+    def _size(self) -> str:
+        """Numbers of entities, domains and adjacencies."""
+        n_adjacencies = self.graph.number_of_edges()
+        return (
+            f"{count(len(self.entities), 'entity', 'entities')}, "
+            f"{count(len(self.graph), 'domain')}, {count(n_adjacencies, 'adjacency', 'adjacencies')}"
+        )
 
     def _notebook_view(self) -> NotebookView:
         listed_as = self.regions.listed_as
@@ -169,7 +178,8 @@ class EntityAspectGraph(ShownInNotebook):
             percent = 100 * nodes[node]["volume"] / total
             share = f"{percent:.2g} %" if percent >= 0.01 else "< 0.01 %"
             clearance = f"{nodes[node]['clearance']:.3g}"
-            rows.append((node, f"{len(names)}: {_some(names)}", share, place, clearance))
+            listed = f"{count(len(names), 'entity', 'entities')}: {_some(names)}"
+            rows.append((node, listed if names else "none", share, place, clearance))
         headings = (
             "domain",
             listed_as,
@@ -177,10 +187,7 @@ class EntityAspectGraph(ShownInNotebook):
             "viewpoint (mm)",
             "clearance (mm)",
         )
-        lines = [
-            f"{len(self.entities)} entities, {len(nodes)} domains, "
-            f"{self.graph.number_of_edges()} adjacencies."
-        ]
+        lines = [f"{self._size}."]
         if len(nodes) > len(rows):
             lines.append(f"The {len(rows)} domains with the longest lists:")
         return NotebookView(
@@ -265,8 +272,13 @@ class EntityAspectGraph(ShownInNotebook):
         -------
         ndarray of int64, shape (n,)
             Node numbers; -1 inside the solid and outside the workspace.
+
+        Raises
+        ------
+        WorkspaceError
+            If the points have another shape.
         """
-        viewpoints = np.asarray(points, float).reshape(-1, 3)
+        viewpoints = as_points(points)
         result = np.full(len(viewpoints), -1, np.int64)
         inside = ((viewpoints >= self.workspace[0]) & (viewpoints <= self.workspace[1])).all(axis=1)
         cells = locate(self._tree, self.regions.grid.to_points(viewpoints[inside]))
@@ -310,7 +322,19 @@ class EntityAspectGraph(ShownInNotebook):
         -------
         CellSet
             The cells that the domain consists of.
+
+        Raises
+        ------
+        EntityError
+            If there is no such node.
         """
+        if (
+            isinstance(node, bool)
+            or not isinstance(node, int | np.integer)
+            or node not in self.graph
+        ):
+            rule = f"must be a domain of the graph, 0 to {len(self.graph) - 1}"
+            raise EntityError.of_rule("node", rule, repr(node))
         return CellSet(self._cx, self._domains.domains[node].cells, self.regions.grid)
 
     def sample(
@@ -438,10 +462,16 @@ def write_graphml(graph: EntityAspectGraph | nx.Graph, path: str | os.PathLike[s
     >>> again.nodes[0]
     {'observable': ('top', 'side'), 'volume': 8.5}
     """
+    plain = graph if isinstance(graph, nx.Graph) else getattr(graph, "graph", None)
+    if not isinstance(plain, nx.Graph) or not isinstance(path, str | os.PathLike):
+        raise GraphMLError.of_rule(
+            "graph and path",
+            "must be an EntityAspectGraph or a networkx.Graph, and a path",
+            f"objects of the types {type(graph).__name__} and {type(path).__name__}",
+        )
     path = Path(path)
-    graph = graph if isinstance(graph, nx.Graph) else graph.graph
     try:
-        flat = _flat_graph(graph)
+        flat = _flat_graph(plain)
     except ValueError as error:
         raise GraphMLError(f"{path}: {error}") from error
     with replacing(path) as beside, open(beside, "wb") as file:

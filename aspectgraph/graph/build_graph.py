@@ -1017,7 +1017,7 @@ def graph_of(
     >>> from aspectgraph import compute_regions, graph_of
     >>> regions = compute_regions(box, {"top": 1, "side": 2})
     >>> graph_of(regions, ["top"])
-    <EntityAspectGraph of 'box': 1 entities, 2 domains, 1 adjacencies>
+    <EntityAspectGraph of 'box': 1 entity, 2 domains, 1 adjacency>
     """
     chosen = regions.subset(regions.entity_names if names is None else names)
     displaced = float(chosen.grid.resolution * chosen.grid.step_mm)

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from aspectgraph.cells.arrays import CellSet, Complex, Tree, cut_further, holds
 from aspectgraph.cells.split import crop, leaves
 from aspectgraph.entities.entity import Entity, Stretch, resolve_entities
-from aspectgraph.exact.grid import Grid
+from aspectgraph.exact.grid import Grid, as_points
 from aspectgraph.exceptions import EntityError, WorkspaceError
 from aspectgraph.files import code_digest
 from aspectgraph.solid.solid import Solid, check_solid
@@ -45,6 +45,7 @@ from aspectgraph.visibility.scene import (
     own_order,
 )
 from ground.shared import Shared
+from ground.short_repr import count
 
 # Visible regions kept in files as they are computed, so that an interrupted computation goes on
 # where it was.
@@ -291,10 +292,9 @@ class VisibilityRegions:
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
+        n_entities = count(len(self.entities), "entity", "entities")
         snapped = f"vertices snapped by at most {self.grid.snapping_mm:.3g} mm"
-        return (
-            f"<VisibilityRegions of {self.solid.name!r}: {len(self.entities)} entities, {snapped}>"
-        )
+        return f"<VisibilityRegions of {self.solid.name!r}: {n_entities}, {snapped}>"
 
     @property
     def entity_names(self) -> tuple[str, ...]:
@@ -489,7 +489,7 @@ class VisibilityRegions:
         return tuple(names)
 
     def _queries(self, points: ArrayLike) -> np.ndarray:
-        viewpoints = np.asarray(points, float).reshape(-1, 3)
+        viewpoints = as_points(points)
         outside = ~((viewpoints >= self.workspace[0]) & (viewpoints <= self.workspace[1])).all(
             axis=1
         )

@@ -68,6 +68,8 @@ def _value(value: Any) -> str:
 
 # what a camera takes from its body
 _BODY = ("pixel_pitch_mm", "resolution")
+# sensor's diagonal in focal lengths: the widest straight lenses have 5, a fisheye lens 3
+_WIDEST = 20.0
 
 
 def camera_names() -> tuple[str, ...]:
@@ -507,6 +509,7 @@ class Camera:
             check_count("resolution", n) for n in check_pair("resolution", self.resolution)
         )
         object.__setattr__(self, "resolution", counts)
+        self._check_view()
         blur = min(pitch) if self.largest_blur_mm is None else self.largest_blur_mm
         object.__setattr__(self, "largest_blur_mm", check_positive("largest_blur_mm", blur))
         if not isinstance(self.name, str):
@@ -523,6 +526,16 @@ class Camera:
             )
             raise CameraError.of_rule("focus_distance_mm", rule, f"{self.focus_distance_mm:g}")
         self._check_calibration()
+
+    def _check_view(self) -> None:
+        """Refuse a focal length that is rather in metres: no lens has so wide a view."""
+        diagonal = math.hypot(*self.sensor_size_mm)
+        if self.focal_length_mm * _WIDEST < diagonal:
+            rule = f"must be at least {diagonal / _WIDEST:.3g} mm for a sensor of {diagonal:.3g} mm"
+            hint = f"{self.focal_length_mm:g} m are {1000 * self.focal_length_mm:g}"
+            raise CameraError.of_rule(
+                "focal_length_mm", rule, f"{self.focal_length_mm:g}", hint=hint
+            )
 
     def _check_calibration(self) -> None:
         object.__setattr__(self, "distortion", Distortion.of(self.distortion))

@@ -80,7 +80,7 @@ def aim(positions: np.ndarray, target: np.ndarray) -> np.ndarray:
 
     The camera's x axis is level (perpendicular to the world's z axis) unless it looks along z; then it follows world x.
     """
-    return look_at(positions, target)[:, :3, :3]
+    return aimed_poses(positions, target)[:, :3, :3]
 
 
 def look_at(
@@ -107,12 +107,51 @@ def look_at(
         Poses cam2world in OpenCV axes (x right, y down, z forward), mm. Before turning, the camera's x axis is level,
         unless it looks along the world's z axis; then it follows world x.
 
+    Raises
+    ------
+    RequestError
+        If an array has another shape or holds a number that is not finite. If a position is its target.
+
     Examples
     --------
     >>> from planner import look_at
     >>> pose = look_at([[0, 0, 100]], [0, 0, 0])[0]
     >>> pose[:3, 2].tolist(), pose[:3, 3].tolist()
     ([0.0, 0.0, -1.0], [0.0, 0.0, 100.0])
+    """
+    eyes = np.atleast_2d(_finite_numbers("positions", positions))
+    if eyes.ndim != 2 or eyes.shape[1] != 3:
+        raise RequestError.of_rule(
+            "positions", "must have the shape (n, 3)", str(np.shape(positions))
+        )
+    n = len(eyes)
+    points = _finite_numbers("target", target)
+    if points.shape not in {(3,), (1, 3), (n, 3)}:
+        rule = f"must have the shape (3,), or ({n}, 3) like positions"
+        raise RequestError.of_rule("target", rule, str(points.shape))
+    same = (eyes == points).all(axis=1)
+    if same.any():
+        shared = eyes[np.argmax(same)].tolist()
+        raise RequestError.of_rule("target", "must not be the camera's position", str(shared))
+    turns = {"pan": pan, "tilt": tilt, "roll": roll}
+    for name, turn in turns.items():
+        angles = _finite_numbers(name, turn)
+        if angles.shape not in {(), (1,), (n,)}:
+            rule = f"must be a number or have the shape ({n},)"
+            raise RequestError.of_rule(name, rule, str(angles.shape))
+    return aimed_poses(eyes, points, **turns)
+
+
+def aimed_poses(
+    positions: np.ndarray,
+    target: np.ndarray,
+    pan: np.ndarray | float = 0.0,
+    tilt: np.ndarray | float = 0.0,
+    roll: np.ndarray | float = 0.0,
+) -> np.ndarray:
+    """Return the poses (n, 4, 4) of `look_at` without its checks, for searches.
+
+    A camera at its own target looks along the world's z axis.
     """
     # compiled, and so imported when first needed
     from planner.camera.pose_loops import look_along
@@ -129,6 +168,19 @@ def look_at(
     cam2world = np.zeros((n, 4, 4))
     look_along(positions, target, turns, cam2world)
     return cam2world
+
+
+def _finite_numbers(name: str, value: Any) -> np.ndarray:
+    """Return an array of finite numbers, or raise `RequestError` with the name of the parameter."""
+    try:
+        numbers = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise RequestError.of_rule(
+            name, "must be an array of numbers", reprlib.repr(value)
+        ) from None
+    if not np.isfinite(numbers).all():
+        raise RequestError.of_rule(name, "must be finite", str(numbers[~np.isfinite(numbers)][0]))
+    return numbers
 
 
 def pose_between(first: np.ndarray, last: np.ndarray, part: float) -> np.ndarray:

@@ -22,7 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph.entities.entity import Entity
+from aspectgraph.exact.grid import as_points
 from aspectgraph.solid.solid import RayScene
+from ground.short_repr import count
 from planner.camera.camera import Camera, tangents_of
 from planner.light.corner_light import (
     BESIDE_PX,
@@ -496,7 +498,8 @@ class AreaSpace(LitSpace):
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        return f"<AreaSpace of {self.solid.name!r}: {len(self.entities)} entities, {self.area}>"
+        size = count(len(self.entities), "entity", "entities")
+        return f"<AreaSpace of {self.solid.name!r}: {size}, {self.area}>"
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the rays' scene behind: it cannot cross a process boundary."""
@@ -557,7 +560,7 @@ class AreaSpace(LitSpace):
             One column per name.
         """
         names = self.entity_names if names is None else names
-        eyes = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+        eyes = as_points(points)
         return self._showing(eyes, names, np.array(self.regions.observable(eyes, names)))
 
     def observable_where(self, points: Array, names: Sequence[str], wanted: Bools) -> Bools:

@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from ground.convert import STATED, Meta, NullIs, Shape, from_plain, to_plain
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
-from ground.short_repr import short_repr
+from ground.short_repr import count, short_repr
 from planner.camera.camera import Camera, image_of, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError
@@ -191,12 +191,14 @@ class LightPlan(ShownInNotebook):
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        n = len(self.lamps)
         dark = sum(map(len, self.unlit))
-        lamps = f"{n} {self.kind} lamp{'s' * (n != 1)} (at least {self.lower_bound} needed)"
+        lamps = (
+            f"{count(len(self.lamps), f'{self.kind} lamp')} (at least {self.lower_bound} needed)"
+        )
         if self.area is not None:
             lamps = str(self.area)
-        return f"<LightPlan: {lamps}, contrast {self.contrast:g}, {sum(map(len, self.images))} images, {dark} unlit>"
+        images = count(sum(map(len, self.images)), "image")
+        return f"<LightPlan: {lamps}, contrast {self.contrast:g}, {images}, {dark} unlit>"
 
     def _notebook_view(self) -> NotebookView:
         rows = []
@@ -207,11 +209,11 @@ class LightPlan(ShownInNotebook):
                 weakest = f"{min(image.contrast.values()):.2f}"
                 rows.append((number, lamps, "; ".join(places), ", ".join(image.contrast), weakest))
         headings = ("setting", "lamp", "at (mm)", "shows", "smallest contrast")
-        n = len(self.lamps)
+        lamps = count(len(self.lamps), f"{self.kind} lamp")
         lines = (
             self._verdict(),
-            f"{n} {self.kind} lamp{'s' * (n != 1)} (at least {self.lower_bound} needed), "
-            f"{len(rows)} images, {self.ground} background, contrast ≥ {self.contrast:g}",
+            f"{lamps} (at least {self.lower_bound} needed), "
+            f"{count(len(rows), 'image')}, {self.ground} background, contrast ≥ {self.contrast:g}",
         )
         unlit = {
             f"{name} in setting {number}": reason
@@ -222,7 +224,8 @@ class LightPlan(ShownInNotebook):
 
     def _verdict(self) -> Toned:
         if not self.complete:
-            return Toned(f"{sum(map(len, self.unlit))} targets are not lit.", "bad")
+            n = sum(map(len, self.unlit))
+            return Toned(f"{count(n, 'target is', 'targets are')} not lit.", "bad")
         if not self.minimal:
             return Toned("Every target is lit; fewer lamps may be enough.", "open")
         return Toned("Every target is lit; fewer lamps are not enough.", "good")

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 
 from aspectgraph.cells.arrays import Cell
+from aspectgraph.exact.grid import as_points
 from aspectgraph.light import (
     DEFAULT_CONTRAST,
     LightRegions,
@@ -23,6 +24,7 @@ from aspectgraph.light import (
 )
 from aspectgraph.solid.solid import RayScene
 from ground.convert import Plain, from_plain, to_plain
+from ground.short_repr import count
 from planner.argument_kinds import FROM_0_BELOW_1, NOT_NEGATIVE, POSITIVE, check_number
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
@@ -714,7 +716,7 @@ class RingSpace(LitSpace):
     >>> from planner import Camera, RingSpace
     >>> light = compute_light(box, {"top": 1}, 0.1)
     >>> RingSpace(light, Camera.named("basler-acA2440-20gm-8mm"))
-    <RingSpace of 'box': 1 entities, contrast 0.1>
+    <RingSpace of 'box': 1 entity, contrast 0.1>
     """
 
     def __init__(self, light: LightRegions, camera: Camera, step: float = DEFAULT_STEP) -> None:
@@ -727,7 +729,8 @@ class RingSpace(LitSpace):
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        return f"<RingSpace of {self.solid.name!r}: {len(self.entities)} entities, contrast {self.contrast:g}>"
+        size = count(len(self.entities), "entity", "entities")
+        return f"<RingSpace of {self.solid.name!r}: {size}, contrast {self.contrast:g}>"
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the rays' scene behind: it cannot cross a process boundary."""
@@ -786,7 +789,7 @@ class RingSpace(LitSpace):
             One column per name.
         """
         names = self.entity_names if names is None else names
-        eyes = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+        eyes = as_points(points)
         visible = np.array(self.light.observable(eyes, names))
         for k, name in enumerate(names):
             for edge_id in self.entities[name].edge_ids:
@@ -1001,7 +1004,7 @@ class Lighting:
         return isinstance(self.lamps, np.ndarray)
 
     def check_part(self, solid: Solid) -> None:
-        """Refuse fixed lamps inside the part, and a light with an area that it is in the way of.
+        """Refuse fixed lamps inside or on the part, and a light with an area that it is in the way of.
 
         Parameters
         ----------
@@ -1011,14 +1014,14 @@ class Lighting:
         Raises
         ------
         LightError
-            If there is a lamp inside.
+            If there is a lamp inside or on the surface.
         RequestError
             If a backlight passes through the part or shines away from it.
         """
         if self.area is not None:
             self.area.check_part(solid)
         if isinstance(self.given, np.ndarray):
-            check_lamps(solid, self.given)
+            check_lamps(solid, self.given, may_touch=False)
 
     def served(
         self,

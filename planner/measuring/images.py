@@ -451,7 +451,16 @@ def read_images(
     RequestError
         Names all images that are missing, twice there, unknown or of the wrong size.
     """
-    files = _in_folder(source, shots) if isinstance(source, str | os.PathLike) else _by_name(source)
+    if isinstance(source, str | os.PathLike):
+        files = _in_folder(source, shots)
+    elif isinstance(source, Mapping):
+        files = _by_name(source)
+    else:
+        kind = type(source).__name__
+        hint = "write {1: image, 2: image} with the numbers of the settings"
+        raise RequestError.of_rule(
+            "images", "must be a folder or a mapping", f"an object of type {kind}", hint=hint
+        )
     _check_names(files, shots, partial)
     image_set = ImageSet()
     wrong = []

@@ -24,6 +24,7 @@ from aspectgraph.entities.entity_rules import PARAMETERS, Carrier
 from aspectgraph.solid.solid import RayScene
 from errors.measurands import Circle, Line
 from ground.convert import Meta, Shape, to_plain
+from ground.short_repr import count
 from planner.argument_kinds import NOT_NEGATIVE, check_count, check_kinds, check_number
 from planner.camera.camera import Camera, tangents_of
 from planner.camera.response import LINEAR, Response
@@ -560,6 +561,12 @@ class Rehearsal:
             white_level=plan.camera.white_level or _WHITE,
         )
 
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        size = count(len(self._shots), "image")
+        drawn = f"surfaces {self.truth.surfaces_mm:g} mm, seed {self.truth.seed}"
+        return f"<Rehearsal of {self._plan.part!r}: {size}, {drawn}>"
+
     @property
     def unlit(self) -> bool:
         """Whether the plan has no lamps, so that a light on the camera stands for them."""
@@ -579,7 +586,7 @@ class Rehearsal:
             Image, what it is of, and its pose.
         """
         every = self._renderer.steps * len(self._shots)
-        count = itertools.count(1)
+        steps = itertools.count(1)
         report(progress, 0, every, _RENDERING)
         for shot in self._shots:
             pose = self.truth.poses[shot.name]
@@ -587,7 +594,7 @@ class Rehearsal:
                 pose,
                 self._light(shot, pose),
                 self._rng,
-                lambda: report(progress, next(count), every, _RENDERING),
+                lambda: report(progress, next(steps), every, _RENDERING),
             )
             # as a person sets the exposure: by the brightest place beside what is measured
             exposed = WHITE_SHARE * grey / max(self._bright(shot, grey, pose), 1e-9)

@@ -30,6 +30,7 @@ from planner.measuring.registered import NumberOrNull, Registered
 from planner.measuring.response import ResponseRecord
 from planner.request.dimension import POSITIONS, plain_tolerance, zone_text
 from planner.request.words import tolerance_text
+from planner.text_table import data_frame
 
 # Results: the readings of one target merged, its expanded uncertainty, and the decision.
 
@@ -838,6 +839,21 @@ class MeasurementResults(ShownInNotebook):
             For each target its values by column; None where there is no number.
         """
         return [_row(result) for result in self]
+
+    def to_dataframe(self) -> Any:
+        """Return `rows` as a data frame of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per target.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        return data_frame(self.rows())
 
     def to_csv(self) -> str:
         """Return the table as CSV.

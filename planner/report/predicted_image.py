@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterable, Mapping
+import reprlib
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -18,8 +19,10 @@ from numpy.typing import ArrayLike
 from aspectgraph.plot.traces import is_feature
 from aspectgraph.solid.solid import RayScene
 from ground.templates import render
+from planner.argument_kinds import check_kinds
 from planner.camera.camera import Camera, image_of, tangents_of
 from planner.camera.pose import world_to_cam
+from planner.exceptions import RequestError
 from planner.light.area_light import AreaLight
 from planner.report.figure import Circles, chord_circles, on_circles
 
@@ -88,6 +91,11 @@ def predicted_image(
     str
         A complete SVG file in pixels of the sensor. ``IPython.display.SVG`` shows it in a notebook.
 
+    Raises
+    ------
+    RequestError
+        If an array has another shape or holds a number that is not finite.
+
     Examples
     --------
     >>> from aspectgraph import read_solid
@@ -97,12 +105,33 @@ def predicted_image(
     >>> predicted_image(block, camera, look_at([[55, 30, 400]], [55, 30, 10])[0])[:4]
     '<svg'
     """
-    ends = {name: np.asarray(points, dtype=np.float64) for name, points in (entities or {}).items()}
-    place = None if lamp is None else np.asarray(lamp, dtype=np.float64)
-    picture = PictureMaker(solid, camera).image_svg(
-        np.asarray(cam2world, dtype=np.float64), ends, color, place
-    )
-    return str(picture)
+    check_kinds(solid=(solid, "Solid"), camera=(camera, "Camera"))
+    pose = _array("cam2world", cam2world, ("(4, 4)",))
+    ends = {}
+    for name, points in (entities or {}).items():
+        ends[name] = _array(f"entities[{name!r}]", points, ("(2, 3)", "(s, 2, 3)"))
+    place = None if lamp is None else _array("lamp", lamp, ("(3,)", "(n, 3)"))
+    return str(PictureMaker(solid, camera).image_svg(pose, ends, color, place))
+
+
+def _array(name: str, values: ArrayLike, shapes: Sequence[str]) -> np.ndarray:
+    """Return finite numbers as an array of one of some shapes, such as "(n, 3)", or raise `RequestError`."""
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (OverflowError, TypeError, ValueError):
+        array = np.empty(0)
+    # letters stand for any number
+    sizes = [str(size) for size in array.shape]
+    for shape in shapes:
+        numbers = shape.strip("(,)").split(", ")
+        fits = len(numbers) == len(sizes) and all(
+            size == number or not number.isdigit()
+            for size, number in zip(sizes, numbers, strict=True)
+        )
+        if fits and np.isfinite(array).all():
+            return array
+    rule = f"must be finite numbers of the shape {' or '.join(shapes)}"
+    raise RequestError.of_rule(name, rule, " ".join(reprlib.repr(values).split()))
 
 
 class _Label(NamedTuple):

@@ -871,6 +871,12 @@ def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
         raise RequestError(
             f"a requirement of a dimension must be one of {', '.join(names)}. Got {unknown[0]!r}."
         )
+    for name, value in requirement.items():
+        # named as here, with the unit
+        if name == f"tolerance_{unit}" and value is not None and not isinstance(value, str):
+            checked_tolerance(value, name)
+        if name == f"max_error_{unit}" and value is not None:
+            check_number(name, value, _POSITIVE)
     return {names[name]: value for name, value in requirement.items()}
 
 
@@ -894,8 +900,17 @@ def plain_tolerance(tolerance: tuple[float, float] | None) -> list[float | None]
     return [limit if math.isfinite(limit) else None for limit in tolerance]
 
 
-def checked_tolerance(given: Sequence[float | None]) -> tuple[float, float]:
+def checked_tolerance(
+    given: Sequence[float | None], name: str = "tolerance"
+) -> tuple[float, float]:
     """Return lower and upper deviation; None in their place is no limit, and an infinite deviation.
+
+    Parameters
+    ----------
+    given : (lower, upper)
+        The deviations.
+    name : str
+        What an error calls them.
 
     Raises
     ------
@@ -911,14 +926,14 @@ def checked_tolerance(given: Sequence[float | None]) -> tuple[float, float]:
         hint = ""
         if isinstance(given, int | float) and math.isfinite(given) and given:
             hint = f"write [-{abs(given):g}, {abs(given):g}] for ±{abs(given):g}"
-        raise RequestError.of_rule("tolerance", rule, repr(given), hint=hint) from error
+        raise RequestError.of_rule(name, rule, repr(given), hint=hint) from error
     is_limited = math.isfinite(lower) or math.isfinite(upper)
     if not is_limited or math.isnan(lower + upper) or lower == math.inf or upper == -math.inf:
         rule = "must have a finite limit, and -inf or inf only where there is none"
-        raise RequestError.of_rule("tolerance", rule, repr(given))
+        raise RequestError.of_rule(name, rule, repr(given))
     if lower >= upper:
         raise RequestError.of_rule(
-            "tolerance",
+            name,
             "must have its lower deviation below its upper one",
             f"[{lower:g}, {upper:g}]",
         )

@@ -14,7 +14,7 @@ import numpy as np
 
 from ground.shared import Shared
 from planner.callbacks import NOBODY, Callbacks, Checkpoint
-from planner.camera.pose import look_at, moved
+from planner.camera.pose import aimed_poses, moved
 from planner.cover import exchange_columns, fractional_cover, maximal_columns
 from planner.effort import NORMAL, Effort
 from planner.executors import check_on_the_way, in_order
@@ -74,7 +74,7 @@ def perturbed(cam2world: np.ndarray, distance_mm: float, rng: np.random.Generato
         rng.random(n) < 0.3, rng.uniform(-np.pi, np.pi, n), rng.normal(size=n) * scale[:, 0]
     )
     # looking along z from the origin is the identity, so this is the turn in the camera's own axes
-    local = look_at(
+    local = aimed_poses(
         np.zeros((n, 3)), np.array([0.0, 0.0, 1.0]), pan=swing[:, 0], tilt=swing[:, 1], roll=roll
     )
     moved = cam2world.copy()
@@ -604,7 +604,7 @@ def _witness_poses(
     if not len(viewpoints):
         return np.zeros((0, 4, 4))
     viewpoints = np.repeat(viewpoints, _AXES_PER_VIEWPOINT, axis=0)
-    return look_at(
+    return aimed_poses(
         viewpoints,
         _targets(judge, viewpoints, own, rng),
         roll=rng.uniform(-np.pi, np.pi, len(viewpoints)),
@@ -647,7 +647,7 @@ def first_poses(judge: Judge, n_directions: int, seed: int) -> np.ndarray:
     positions = targets + (distances / np.linalg.norm(away, axis=1))[:, None] * away
     low, high = np.asarray(judge.space.workspace, dtype=float)
     inside = ((positions >= low) & (positions <= high)).all(axis=1)
-    return look_at(
+    return aimed_poses(
         positions[inside], targets[inside], roll=rng.uniform(-np.pi, np.pi, int(inside.sum()))
     )
 
@@ -698,7 +698,7 @@ def poses_in_focus(
     low = nearest - depth.min(axis=1)
     high = farthest - depth.max(axis=1)
     distance = low + (high - low) * rng.random(len(row))
-    return look_at(
+    return aimed_poses(
         centre - distance[:, None] * axis,
         centre,
         roll=rng.uniform(-np.pi, np.pi, len(row)),

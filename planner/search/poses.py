@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from ga import Chromosome
 from planner.camera.camera import Camera
-from planner.camera.pose import aim, look_at, moved
+from planner.camera.pose import aim, aimed_poses, moved
 from planner.request.camera_limits import boxes_reach, focus_reach_mm
 from planner.request.constraints import Constraints
 from planner.request.problem import Objective
@@ -367,7 +367,7 @@ class PoseEncoding:
 
     def poses(self, parameters: np.ndarray) -> np.ndarray:
         """Return cam2world (n, 4, 4) of parameters (n, 6)."""
-        return look_at(parameters[:, :3], self.target, *parameters[:, 3:].T)
+        return aimed_poses(parameters[:, :3], self.target, *parameters[:, 3:].T)
 
     def parameters_of(self, cam2world: np.ndarray) -> np.ndarray:
         """Return the parameters (n, 6) of poses (n, 4, 4), the inverse of `poses`; they may be outside the range."""

@@ -12,6 +12,7 @@ import numpy as np
 from errors.checks import below_one
 from errors.measurands.geometry import Geometry, Line
 from ground.convert import STATED, Meta, from_plain, to_plain
+from ground.short_repr import count
 from planner.argument_kinds import check_count, check_kinds
 from planner.camera.camera import Camera
 from planner.detectability.conditions import Detectability
@@ -225,10 +226,9 @@ class SimulationResult:
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        counts = ", ".join(
-            f"{count} {verdict}" for verdict, count in self.verdicts.items() if count
-        )
-        return f"<SimulationResult: {len(self.rates)} settings, {self.n} poses each: {counts or 'nothing to check'}>"
+        counts = ", ".join(f"{n} {verdict}" for verdict, n in self.verdicts.items() if n)
+        size = f"{count(len(self.rates), 'setting')}, {count(self.n, 'pose')} each"
+        return f"<SimulationResult: {size}: {counts or 'nothing to check'}>"
 
     @property
     def all_rates(self) -> list[SuccessRate]:

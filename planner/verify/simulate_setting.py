@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Protocol
@@ -743,7 +744,7 @@ def _edge_successes(
     """The same for lengths of edges, all from the same poses."""
     if not entities:
         return {}
-    ends = np.array([_ends_of(entity) for entity in entities.values()], dtype=float)
+    ends = np.array([_ends_of(name, entity) for name, entity in entities.items()])
     planned = np.asarray(setting.cam2world, dtype=float)
     successes = np.zeros(len(ends), dtype=int)
     outside = np.zeros(len(ends), dtype=int)
@@ -825,7 +826,7 @@ def accurate_in(
         Whether the error is at most the permitted one; false without an image.
     """
     if target.in_image:
-        ends = np.asarray(_ends_of(target), dtype=float)[None]
+        ends = _ends_of(target.name, target)[None]
         return _accurate_lengths(ends, planned, poses, camera, accuracy, rng)[0][:, 0]
     error, _ = value_errors(target, planned, poses, camera, rng, by_surfaces)
     return np.asarray(np.abs(error) <= target.permitted_error)
@@ -902,9 +903,18 @@ def _values_of(setting: Posed, rng: np.random.Generator) -> ValuePoses:
     return ValuePoses(np.asarray(setting.cam2world, dtype=float), registered, seed)
 
 
-def _ends_of(item: Any) -> Any:
-    """Return both ends of an edge, an entity or a planned length; ends are their own."""
-    return getattr(item, "ends", getattr(item, "endpoints", item))
+def _ends_of(name: str, item: Any) -> np.ndarray:
+    """Return both ends (2, 3) of an edge, an entity or a planned length; ends are their own."""
+    pair = getattr(item, "ends", getattr(item, "endpoints", item))
+    try:
+        ends = np.asarray(pair, dtype=float)
+    except (OverflowError, TypeError, ValueError):
+        ends = np.empty(0)
+    if ends.shape != (2, 3):
+        rule = "must be entities, or two ends of the shape (2, 3)"
+        text = " ".join(reprlib.repr(pair).split())
+        raise RequestError.of_rule("entities", rule, f"{text} for {name!r}")
+    return ends
 
 
 def displaced_poses(

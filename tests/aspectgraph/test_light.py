@@ -165,7 +165,7 @@ def test_a_graph_of_lamps_survives_its_file_and_is_drawn(cube_light, tmp_path):
     texts = {text.get_text() for text in plot_graph(cube_light).ax.texts}
     assert {"e", "none"} <= texts
     assert plot_section(cube_light).ax.texts
-    assert repr(cube_light) == "<LightGraph of 'cube': 1 entities, 4 domains, 4 adjacencies>"
+    assert repr(cube_light) == "<LightGraph of 'cube': 1 entity, 4 domains, 4 adjacencies>"
 
 
 def test_part_of_the_entities():

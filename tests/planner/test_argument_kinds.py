@@ -58,7 +58,7 @@ def test_the_ends_of_a_range_belong_to_it_or_not():
         (lambda value: Deadline(value), "time_limit_s"),
         (lambda value: Deadline(gap=value), "gap"),
         (lambda value: Detectability(surround_px=value), "surround_px"),
-        (lambda value: Dimension.diameter("r0", max_error_mm=value), "max_error"),
+        (lambda value: Dimension.diameter("r0", max_error_mm=value), "max_error_mm"),
         (lambda value: Dimension.diameter("r0", accuracy=value), "accuracy"),
         (lambda value: Dimension.diameter("r0", share=value), "share"),
         (lambda value: LampBox((0, 0, 0), (1, 1, 1), clearance_mm=value), "clearance_mm"),

@@ -23,6 +23,7 @@ from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.inspection import plan_inspection
 from planner.request.camera_limits import default_workspace
+from planner.request.dimension import Dimension
 from planner.request.problem import Problem
 from planner.resume import PlanningState
 from planner.search.columns import ColumnPool, Judge, perturbed, price_poses
@@ -467,3 +468,34 @@ def test_ids_without_names_are_named_by_them():
     ]
     assert plans[0] == plans[1]
     assert list(plans[0].entities) == ["e17"]
+
+
+def test_ids_of_arrays_and_sets_are_planned_like_those_of_lists():
+    block = read_solid("examples/two_pocket_block.off")
+    effort = Effort(viewpoints=5, pricing_rounds=1, refutations=1, bound_nodes=10)
+    camera = Camera.named("basler-acA2440-20gm-8mm")
+    plans = [
+        plan_inspection(block, wanted, camera, UNCERTAINTY, effort=effort)
+        for wanted in ([8, 17], np.array([8, 17]), {17, 8})
+    ]
+    assert plans[0] == plans[1] == plans[2]
+
+
+@pytest.mark.parametrize(
+    ("entities", "message"),
+    [
+        ("all", "entities must be a mapping or sequence. Got 'all'; read_entities reads a text, "),
+        (1, "entities must be a mapping or sequence. Got 1; "),
+        (None, "entities must be a mapping or sequence. Got None; "),
+        (
+            [17, Dimension.distance(17, 8)],
+            "entities must name each dimension. Got a list with Dimension(kind='distance', "
+            'entities=(17, 8)); write {"name": Dimension(...)}.',
+        ),
+        ((Dimension.length(3),), "entities must name each dimension. Got a tuple with Dimension("),
+    ],
+)
+def test_entities_of_another_kind_are_refused_in_one_line(space, entities, message):
+    with pytest.raises(RequestError) as caught:
+        plan_inspection(space.solid, entities, CAMERA, UNCERTAINTY)
+    assert str(caught.value).startswith(message)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from planner import RequestError
 from planner.travel import (
     best_branches,
     exact_order,
@@ -198,3 +199,11 @@ def test_a_setting_out_of_reach_costs_infinitely():
     costs[2] = np.inf
     costs[:, 2] = np.inf
     assert shortest_tour(costs).seconds == np.inf
+
+
+@pytest.mark.parametrize("shape", [(4,), (16,), (2, 3), (3, 4), (2, 2, 4, 4)])
+def test_poses_of_another_shape_are_refused(shape):
+    with pytest.raises(RequestError) as caught:
+        travel_order(np.zeros(shape))
+    assert str(caught.value) == f"cam2worlds must have the shape (n, 4, 4). Got {shape}."
+    assert travel_order([]) == ()

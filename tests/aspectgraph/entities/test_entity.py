@@ -165,11 +165,29 @@ def test_a_curved_edge_is_refused():
         ([], "at least one edge, rim or arc. Got none"),
         ([1, 1], "named once. Got edge 1 twice"),
         ([1.0], "edge ids must be integers. Got 1.0"),
+        ({1.0, 2}, "edge ids must be integers. Got 1.0"),
+        ("all", "^entities must be a mapping or sequence. Got 'all'; read_entities reads a text, "),
+        ("length > 30", "Got 'length > 30'; .* and select_entities takes a rule.$"),
+        ("e1", "^entities must be a mapping or sequence. Got 'e1'; "),
+        (b"ab", "^entities must be a mapping or sequence. Got b'ab'; "),
+        (1, "^entities must be a mapping or sequence. Got 1; "),
+        (None, "^entities must be a mapping or sequence. Got None; "),
+        (np.array(1), r"^entities must be a mapping or sequence. Got array\(1\); "),
     ],
 )
 def test_refusals(mapping, rule):
     with pytest.raises(EntityError, match=rule):
         resolve_entities(cube(), mapping)
+
+
+def test_ids_of_arrays_and_sets():
+    assert list(resolve_entities(cube(), np.array([7, 3]))) == ["e7", "e3"]
+    for ids in ({11, 2, 7}, frozenset([7, 11, 2]), {7, "2[0:1/2]", 11}):
+        assert [name[:3].strip("[") for name in resolve_entities(cube(), ids)] == [
+            "e2",
+            "e7",
+            "e11",
+        ]
 
 
 def test_tolerance():

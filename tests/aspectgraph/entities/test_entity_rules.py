@@ -122,6 +122,13 @@ def test_a_rule_that_selects_nothing_names_the_kinds_it_could_select(rule, kinds
     assert str(error.value) == f"select must hold for at least one {kinds}. Got none for {rule!r}."
 
 
+@pytest.mark.parametrize("rule", [40, None, ["convex"]])
+def test_a_rule_that_is_no_text_is_refused(rule):
+    with pytest.raises(EntityError) as error:
+        select_entities(BLOCK, rule)
+    assert str(error.value) == f"rule must be a text such as 'length > 20'. Got {rule!r}."
+
+
 @pytest.mark.parametrize(
     "rule", ["", "length == 3", "size > 2", "length > 2 or convex", "near 1,2 < 3", "face = roof"]
 )

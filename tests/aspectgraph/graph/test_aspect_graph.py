@@ -226,6 +226,16 @@ def test_other_kinds_of_graph_are_refused(tmp_path, kind):
         write_graphml(kind(), tmp_path / "g.graphml")
 
 
+def test_what_is_no_graph_is_refused(tmp_path):
+    path = str(tmp_path / "g.graphml")
+    rule = "^graph and path must be an EntityAspectGraph or a networkx.Graph, and a path. "
+    with pytest.raises(GraphMLError, match=f"{rule}Got objects of the types str and Graph."):
+        write_graphml(path, small_graph())
+    with pytest.raises(GraphMLError, match=f"{rule}Got objects of the types Graph and int."):
+        write_graphml(small_graph(), 1)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_node_ids_must_be_integers(tmp_path):
     with pytest.raises(GraphMLError, match=r"node ids must be integers\. Got 'a'"):
         write_graphml(nx.Graph([("a", "b")]), tmp_path / "g.graphml")

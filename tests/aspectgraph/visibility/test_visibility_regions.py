@@ -71,6 +71,32 @@ def test_domain_of_is_minus_one_outside_the_workspace(slot):
     assert slot.domain_of([[0, 0, 61], [0, 50, 0]]).tolist()[0] == -1
 
 
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        ([0, 0], "points must have the shape (n, 3). Got (2,)."),
+        # six numbers, which are no two points
+        ([[1, 2], [3, 4], [5, 6]], "points must have the shape (n, 3). Got (3, 2)."),
+        (5, "points must have the shape (n, 3). Got ()."),
+        ("here", "points must be an array of numbers. Got 'here'."),
+    ],
+)
+def test_points_of_another_shape_are_refused(slot, points, message):
+    cells = slot.covering_cells(["e1"])
+    for call in (slot.observable, slot.domain_of, slot.regions.observable, cells.contains):
+        with pytest.raises(WorkspaceError) as caught:
+            call(points)
+        assert str(caught.value) == message
+        assert len(call([])) == 0
+        assert len(call([20, 1, 3])) == 1
+
+
+@pytest.mark.parametrize("node", [-1, 10**6, "0", 1.5, None, True])
+def test_cells_of_no_domain_are_refused(slot, node):
+    with pytest.raises(EntityError, match=r"^node must be a domain of the graph, 0 to \d+\. Got "):
+        slot.cells(node)
+
+
 @pytest.mark.uncompiled
 def test_on_a_partition_surface_the_observing_side_counts(slot):
     # e3 at (8, 1) lies between the floor y = 1 and the wall x = 8; e1 and e2 lie in the floor of the slot, y = 2

@@ -153,6 +153,10 @@ def test_the_catalogue_is_not_handed_out_for_writing():
             {"focus_distance_mm": 20.0},
             r"focus_distance_mm must exceed focal_length_mm \(25\).*Got 20\.",
         ),
+        (
+            {"focal_length_mm": 0.025},
+            r"focal_length_mm must be at least 0\.\d+ mm for a sensor of [\d.]+ mm\. Got 0\.025; 0\.025 m are 25\.",
+        ),
     ],
 )
 def test_impossible_cameras_are_refused(changes, message):

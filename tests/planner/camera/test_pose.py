@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from planner import PoseUncertainty, UncertaintyError, look_at
+from planner import PoseUncertainty, RequestError, UncertaintyError, look_at
 from planner.camera.pose import (
     aim,
     cam_to_paper,
@@ -22,6 +22,10 @@ angle = st.floats(-3, 3)
 @given(st.tuples(finite, finite, finite), st.tuples(finite, finite, finite), angle, angle, angle)
 @settings(max_examples=60, deadline=None)
 def test_look_at_gives_rigid_poses_with_the_target_on_the_axis(position, target, pan, tilt, roll):
+    if np.array_equal(position, target):
+        with pytest.raises(RequestError, match=r"^target must not be the camera's position\. Got "):
+            look_at([position], target, [pan], [tilt], [roll])
+        return
     pose = look_at([position], target, [pan], [tilt], [roll])[0]
     assert pose[:3, :3] @ pose[:3, :3].T == pytest.approx(np.eye(3), abs=1e-12)
     assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
@@ -30,6 +34,46 @@ def test_look_at_gives_rigid_poses_with_the_target_on_the_axis(position, target,
         seen = world_to_cam(target, look_at([position], target, roll=[roll])[0])
         assert seen[:2] == pytest.approx([0, 0], abs=1e-9)
         assert seen[2] == pytest.approx(np.linalg.norm(np.subtract(target, position)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (((0, 0), (0, 0, 1)), "positions must have the shape (n, 3). Got (2,)."),
+        (([[100, 50]], (0, 0, 0)), "positions must have the shape (n, 3). Got (1, 2)."),
+        (([[[0, 0, 9]]], (0, 0, 0)), "positions must have the shape (n, 3). Got (1, 1, 3)."),
+        ((9, (0, 0, 0)), "positions must have the shape (n, 3). Got ()."),
+        (("up", (0, 0, 0)), "positions must be an array of numbers. Got 'up'."),
+        (([[0, 0, np.nan]], (0, 0, 0)), "positions must be finite. Got nan."),
+        (
+            ([[0, 0, 9]], (0, 0)),
+            "target must have the shape (3,), or (1, 3) like positions. Got (2,).",
+        ),
+        (
+            ([[0, 0, 9]] * 3, [[0, 0, 0]] * 2),
+            "target must have the shape (3,), or (3, 3) like positions. Got (2, 3).",
+        ),
+        (([[0, 0, 9]], (0, 0, np.inf)), "target must be finite. Got inf."),
+        (
+            ([[0, 0, 9], [1, 2, 3]], (1, 2, 3)),
+            "target must not be the camera's position. Got [1.0, 2.0, 3.0].",
+        ),
+        (
+            ([[0, 0, 9]], (0, 0, 0), 0.0, [0.1, 0.2]),
+            "tilt must be a number or have the shape (1,). Got (2,).",
+        ),
+        (([[0, 0, 9]], (0, 0, 0), 0.0, 0.0, np.nan), "roll must be finite. Got nan."),
+    ],
+)
+def test_look_at_names_an_argument_that_breaks_its_rule(arguments, message):
+    with pytest.raises(RequestError) as caught:
+        look_at(*arguments)
+    assert str(caught.value) == message
+
+
+def test_look_at_takes_one_position_and_none():
+    assert np.array_equal(look_at((0, 0, 9), (0, 0, 0)), look_at([[0, 0, 9]], [[0, 0, 0]]))
+    assert look_at(np.zeros((0, 3)), (0, 0, 1)).shape == (0, 4, 4)
 
 
 @pytest.mark.parametrize("side", [1, -1])

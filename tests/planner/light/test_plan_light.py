@@ -399,6 +399,8 @@ def test_spaces_that_cannot_be(make, text):
 def test_a_lamp_in_the_part_a_contrast_out_of_range_and_another_part():
     with pytest.raises(LightError, match="lamps must lie outside the part"):
         plan_light(plan(), block(), [[40.0, 25, 30]])
+    with pytest.raises(LightError, match=r"outside the part\. Got \[0\.0, 0\.0, 0\.0\] mm on its"):
+        plan_light(plan(), block(), np.zeros((3, 3)))
     with pytest.raises(LightError, match=r"contrast must lie strictly between 0 and 1\. Got 1"):
         plan_light(plan(), block(), AROUND, contrast=1)
     with pytest.raises(RequestError, match="solid must be the plan's part"):
@@ -624,7 +626,7 @@ def test_it_passes_to_other_processes_and_knows_its_parts():
     assert (again.observable(eyes) == before).all()
     assert (space.subset(["rim"]).observable(eyes) == before).all()
     assert space.covering_cells(["rim"]).volume == space.light.covering_cells(["rim"]).volume
-    assert repr(space) == "<RingSpace of 'step': 1 entities, contrast 0.1>"
+    assert repr(space) == "<RingSpace of 'step': 1 entity, contrast 0.1>"
     with pytest.raises(RequestError, match=r"step must be in \[0, 1\). Got 1"):
         RingSpace(space.light, CAMERA, 1)
 

@@ -340,6 +340,14 @@ def test_arrays_that_are_refused(array, message):
         read_images({1: array}, SHOTS, CAMERA, partial=True)
 
 
+@pytest.mark.parametrize("images", [[grey()], grey(), None, 1])
+def test_images_without_numbers_are_refused(images):
+    kind = type(images).__name__
+    rule = f"^images must be a folder or a mapping. Got an object of type {kind}; write {{1: image"
+    with pytest.raises(RequestError, match=rule):
+        read_images(images, SHOTS, CAMERA)
+
+
 def test_missing_images_may_be_allowed():
     found = read_images({2: grey()}, SHOTS, CAMERA, partial=True)
     assert list(found.images) == ["setting_02"]

@@ -35,6 +35,11 @@ def grey_of(rehearsal):
     return {image.shot.setting + 1: image.grey for image in rehearsal.images()}
 
 
+def test_a_rehearsal_is_one_line(plate, plan):
+    text = repr(Rehearsal(plan, plate, surfaces_mm=0.01, seed=3))
+    assert text == f"<Rehearsal of {plan.part!r}: 2 images, surfaces 0.01 mm, seed 3>"
+
+
 def test_the_part_as_designed_has_its_nominal_values(plate, plan):
     rehearsal = Rehearsal(plan, plate, surfaces_mm=0.0, exact_poses=True)
     for values in rehearsal.truth.values.values():

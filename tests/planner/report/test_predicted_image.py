@@ -11,7 +11,7 @@ from holed_plate import HOLES, holed_plate
 from plan_examples import CAMERA
 
 from aspectgraph import read_solid
-from planner import Camera, look_at, predicted_image
+from planner import Camera, RequestError, look_at, predicted_image
 from planner.report.predicted_image import _AMBIENT, _GROUND, PictureMaker, path_data
 
 RIM = [[60.0, 20.0, 10.0], [60.0, 40.0, 10.0]]
@@ -53,6 +53,35 @@ def test_a_named_entity_is_drawn_where_a_pinhole_camera_sees_it():
     assert abs(y2 - y1) == pytest.approx(20.0 * CAMERA.image_distance_mm / 600.0 / pitch, abs=0.2)
     assert x1 == pytest.approx(x2, abs=0.2)
     assert (x1, (y1 + y2) / 2) == pytest.approx(tuple(CAMERA.matrix[:2, 2]), abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"cam2world": np.eye(3)},
+            "cam2world must be finite numbers of the shape (4, 4). Got array(",
+        ),
+        ({"cam2world": 5}, "cam2world must be finite numbers of the shape (4, 4). Got 5."),
+        (
+            {"entities": {"rim": np.zeros((3, 2))}},
+            "entities['rim'] must be finite numbers of the shape (2, 3) or (s, 2, 3). Got array(",
+        ),
+        (
+            {"lamp": [0, np.nan, 9]},
+            "lamp must be finite numbers of the shape (3,) or (n, 3). Got [0, nan, 9].",
+        ),
+        ({"lamp": [0, 9]}, "lamp must be finite numbers of the shape (3,) or (n, 3). Got [0, 9]."),
+        ({"solid": 5}, "solid must be a Solid. Got 5; "),
+    ],
+)
+def test_arrays_of_another_shape_are_refused(changes, message):
+    block = read_solid("examples/two_pocket_block.off")
+    pose = look_at([[55, 30, 400]], [55, 30, 10])[0]
+    known = {"solid": block, "camera": CAMERA, "cam2world": pose, **changes}
+    with pytest.raises(RequestError) as caught:
+        predicted_image(**known)
+    assert str(caught.value).startswith(message)
 
 
 def test_without_entities_nothing_is_highlighted():

@@ -40,7 +40,7 @@ def test_the_permitted_error_is_a_share_of_the_tolerance_an_error_or_a_share_of_
         ),
         (
             lambda: Dimension.diameter("r3", max_error_mm=0),
-            "max_error must be a positive number. Got 0",
+            "max_error_mm must be a positive number. Got 0",
         ),
         (lambda: Dimension.diameter("r3", accuracy=1.0), r"accuracy must be in \(0, 1\). Got 1.0"),
         (lambda: Dimension.diameter("r3", share=0), r"share must be in \(0, 1\]. Got 0"),
@@ -58,6 +58,18 @@ def test_the_permitted_error_is_a_share_of_the_tolerance_an_error_or_a_share_of_
             "one of tolerance, max_error and accuracy. Got tolerance, tolerance_class",
         ),
         (lambda: Dimension.diameter("r3", tolerance=(-1, 1)), "Got 'tolerance'"),
+        (
+            lambda: Dimension.distance(25, 27, tolerance_mm=0.1),
+            r"^tolerance_mm must be two numbers.* Got 0.1; write \[-0.1, 0.1\] for ±0.1.$",
+        ),
+        (
+            lambda: Dimension.angle(25, 27, tolerance_deg=(1, -1)),
+            r"^tolerance_deg must have its lower deviation below its upper one. Got \[1, -1\].$",
+        ),
+        (
+            lambda: Dimension.distance(25, 27, max_error_mm=-1),
+            "^max_error_mm must be a positive number. Got -1.$",
+        ),
         (
             lambda: Dimension.diameter("r3", tolerance="Q7"),
             r"tolerance must be a letter and a grade .* A, B, C, .* Got 'Q7'",
@@ -122,7 +134,7 @@ def test_a_tolerance_with_one_limit_has_no_width():
     [(None, None), (-math.inf, math.inf), (math.inf, None), (None, -math.inf), (None, math.nan)],
 )
 def test_a_tolerance_has_a_limit(tolerance):
-    with pytest.raises(RequestError, match="tolerance must have a finite limit"):
+    with pytest.raises(RequestError, match=r"^tolerance_mm must have a finite limit"):
         Dimension.diameter("r3", tolerance_mm=tolerance)
 
 

@@ -262,6 +262,14 @@ def test_bad_arguments_are_refused(arguments, message):
         )
 
 
+@pytest.mark.parametrize("ends", [np.zeros((3, 3)), np.zeros((2, 2)), np.zeros(6), 5, "edge", None])
+def test_an_edge_without_two_ends_is_refused(ends):
+    setting = setting_at(400.0, ("edge",))
+    rule = r"^entities must be entities, or two ends of the shape \(2, 3\)\. Got .* for 'edge'\.$"
+    with pytest.raises(RequestError, match=rule):
+        simulate_setting(setting, {"edge": ends}, CAMERA_SIMULATE_SETTING, EXACT, n=5)
+
+
 # The floor and surfaces in the simulation of dimensions: answers in closed form, and the model's
 # uncertainty.
 
