@@ -554,7 +554,7 @@ class FolderWork:
         simulation, notes = simulate_in_time(
             plan, self.simulate, request.seed, progress, self.solid, until
         )
-        if request.lighting is not None and lit.light is None:
+        if lit.light_missing:
             notes.append(NOT_LIT)
         plan = replace(lit, simulation=simulation)
         plan = with_source(plan, self.folder, self.part, self.reading)
@@ -629,6 +629,8 @@ def _described(
         reasons.append("the simulation contradicts the plan")
     if plan.unlit:
         reasons.append(f"no lamp shows {', '.join(plan.unlit)}")
+    if plan.light_missing:
+        reasons.append("light is not planned yet")
     return replace(
         blank,
         status=INCOMPLETE if reasons else PLANNED,

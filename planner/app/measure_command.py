@@ -147,9 +147,9 @@ def render(options: Render) -> int:
             exact_poses=options.exact_poses,
         )
         if not options.quiet and rehearsal.unlit:
-            write_error(
-                "aspectgraph: the plan has no light; a lamp on the camera lights the images"
-            )
+            which = "the light that was requested is not planned yet"
+            why = which if plan.light_missing else "the plan has no light"
+            write_error(f"aspectgraph: {why}; a lamp on the camera lights the images")
         with terminal_progress(
             quiet=options.quiet, lines=options.verbose, waiting=True
         ) as progress:

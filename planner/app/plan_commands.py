@@ -548,7 +548,8 @@ def plan(options: Plan) -> int:
         if interrupted:
             raise KeyboardInterrupt
     confirmed = result.simulation is not None and result.simulation.confirmed
-    return DONE if result.complete and confirmed and not result.unlit else INCOMPLETE
+    is_lit = not result.unlit and not result.light_missing
+    return DONE if result.complete and confirmed and is_lit else INCOMPLETE
 
 
 def _print_planned(

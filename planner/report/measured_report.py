@@ -77,7 +77,8 @@ def image_notes(results: MeasurementResults) -> Iterable[str]:
         yield f"edges: {results.edges}"
     for note in results.notes:
         image, _, text = note.partition(": ")
-        if text.rpartition(": ")[2] not in results.failed.get(image, ""):
+        # a note need not be about an image
+        if image not in results.failed or text.rpartition(": ")[2] not in results.failed[image]:
             yield f"note: {note}"
     for why, images in _by_text(results.failed).items():
         yield f"{enumerated(images)} cannot be registered: {why}"

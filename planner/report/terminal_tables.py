@@ -95,13 +95,14 @@ def plan_record(
     """Return a plan as in its file, the files written, and what could not be planned, with the reason.
 
     ``plan.features`` counts the characteristics, and those that are not planned. ``from_genetic_algorithm`` counts the
-    settings whose pose comes from it.
+    settings whose pose comes from it. ``light_missing`` tells whether light was requested and is not planned.
     """
     return {
         "plan": plan.to_dict(),
         "files": list(files),
         "not_planned": dict(not_planned),
         "from_genetic_algorithm": plan.n_evolved,
+        "light_missing": plan.light_missing,
     }
 
 

@@ -558,7 +558,7 @@ def unlit_sentence(plan: InspectionPlan) -> str:
     promise = (
         "nothing is promised of contrast: an edge that your lamps do not show is not measured."
     )
-    if plan.request.lighting is not None:
+    if plan.light_missing:
         return f"Light is not planned yet, so {promise}"
     return f"Light is not planned, so {promise} --light plans lamps."
 

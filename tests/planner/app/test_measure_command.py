@@ -10,6 +10,7 @@ from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_p
 from PIL import Image
 
 from aspectgraph import read_solid
+from planner import Lighting
 from planner.app.main import main
 from planner.identity import PartRecord
 
@@ -228,6 +229,24 @@ def test_results_of_another_serial_stay(folder, tmp_path):
     assert run(folder, "good", *given(folder), "--serial", "N1", out=tmp_path) == 0
     assert run(folder, "good", *given(folder), "--serial", "N2", out=tmp_path) == 2
     assert json.loads((tmp_path / "results.json").read_text())["serial"] == "N1"
+
+
+def test_a_plan_without_the_light_asked_for_says_so(folder, capsys, tmp_path):
+    """As where the time limit ended before lamps were found."""
+    part = PartRecord.of(read_solid(folder / "plate.off"))
+    plan = measured_plan(thick_plate(), ["width"], part=part, lighting=Lighting("ring"))
+    plan.write(tmp_path / "plan.json")
+    part_options = "--part", str(folder / "plate.off"), "--units", "mm"
+    plan_file = str(tmp_path / "plan.json")
+    images = str(tmp_path / "images")
+    assert main(["render", plan_file, *part_options, "--out", images]) == 0
+    note = "aspectgraph: the light that was requested is not planned yet; a lamp on the camera"
+    assert note in capsys.readouterr().err
+    results = str(tmp_path / "results")
+    main(["measure", plan_file, images, *part_options, "--out", results])
+    told = "light was requested and is not planned yet, so nothing is promised of contrast"
+    assert told in " ".join(capsys.readouterr().out.split())
+    assert told in json.loads((tmp_path / "results" / "results.json").read_text())["notes"]
 
 
 def test_rendered_images_are_measured(folder, capsys, monkeypatch):
