@@ -514,6 +514,18 @@ OTHERS = {
         {"targets": targets(more=(9, [[0.0, 0, 0], [0, 50, 0]]))},
         "target 'more' is new",
     ),
+    "edges": (
+        {"edge_break_mm": (0.0, 0.0)},
+        "--edges was not given and is now sharp",
+    ),
+    "broken edges": (
+        {"edge_break_mm": (0.1, 0.3)},
+        "--edges was not given and is now 0.1..0.3",
+    ),
+    "edges of other targets": (
+        {"targets": targets(more=(9, [[0.0, 0, 0], [0, 50, 0]])), "edge_break_mm": (0.0, 0.0)},
+        "target 'more' is new",
+    ),
     "another edge": (
         {"targets": targets(bottom=(17, [[0.0, 0, 0], [0, 50, 0]]))},
         "target 'bottom'",
