@@ -222,10 +222,11 @@ def check_path_text(path: Path, parameter: str) -> None:
 def check_set_place(
     folder: Path,
     names: Sequence[str],
-    is_ours: Callable[[Path], bool],
+    stranger: Callable[[Path], str],
     parameter: str = "--out",
     *,
     others: Sequence[str] = (),
+    alone: bool = False,
 ) -> None:
     """Refuse a folder in which a set of files would replace files that are not of such a set.
 
@@ -235,12 +236,15 @@ def check_set_place(
         The folder; it need not be there.
     names : sequence of str
         Files of the set. The first one says whose they are.
-    is_ours : callable
-        Tells whether the first file, which is there, is of a set that may be replaced.
+    stranger : callable
+        Says whose the first file, which is there, is if its set may not be replaced, such as "which is of another
+        part"; nothing if it may.
     parameter : str
         What the caller knows the folder as.
     others : sequence of str
         Files by which the folder belongs to another set.
+    alone : bool
+        Whether a folder of no such set must be empty, but for hidden files.
 
     Raises
     ------
@@ -252,22 +256,27 @@ def check_set_place(
             raise _taken(folder / name, parameter, "")
     mark = folder / names[0]
     if os.path.lexists(mark):
-        if not is_ours(mark):
-            raise _taken(mark, parameter, ", which is of another part or another program")
+        if reason := stranger(mark):
+            raise _taken(mark, parameter, f", {reason}")
         return
     for name in names[1:]:
         if os.path.lexists(folder / name):
             raise _taken(folder / name, parameter, f" without {names[0]}")
+    if not alone or not folder.is_dir():
+        return
+    for path in sorted(folder.iterdir()):
+        if not path.name.startswith("."):
+            hint = "give a new folder, or write there with --force"
+            raise _taken(path, parameter, "", hint)
 
 
-def _taken(path: Path, parameter: str, what: str) -> OutputError:
+def _taken(path: Path, parameter: str, what: str, hint: str = "") -> OutputError:
+    force = "--force" if parameter.startswith("--") else "--force, in Python replace=True,"
     return OutputError.of_rule(
         parameter,
         "must be a folder without files of others",
         f"{path_text(path)}{what}",
-        hint="--force replaces it"
-        if parameter.startswith("--")
-        else "--force, in Python replace=True, replaces it",
+        hint=hint or f"{force} replaces it",
     )
 
 

@@ -75,14 +75,19 @@ def first_difference(
     str or None
         Such as ``seed was 5 and is now 6``.
     """
-    # what is measured of an edge follows from it, so it is named before the targets
-    edges_now = {_EDGES: now.get(_EDGES)}
-    change = _first_change((), edges_now, {_EDGES: before.get(_EDGES)}, tolerance)
+    orders = [[target["name"] for target in one.get("targets") or ()] for one in (now, before)]
+    change = None
+    if set(orders[0]) == set(orders[1]):
+        # what is measured of an edge follows from it, so it is named before what changed in the targets
+        edges_now = {_EDGES: now.get(_EDGES)}
+        change = _first_change((), edges_now, {_EDGES: before.get(_EDGES)}, tolerance)
+    elif now.get("part") == before.get("part"):
+        targets = {"targets": _by_name(now).get("targets")}
+        change = _first_change((), targets, {"targets": _by_name(before).get("targets")}, tolerance)
     if change is None:
         change = _first_change((), _by_name(now), _by_name(before), tolerance)
     if change is not None:
         return _described(change, words)
-    orders = [[target["name"] for target in one.get("targets") or ()] for one in (now, before)]
     return None if orders[0] == orders[1] else "the order of the targets changed"
 
 
@@ -149,10 +154,20 @@ def _described(change: _Change, words: Callable[[str], str]) -> str:
             return f"{subject} was {change.before} and is now {change.now}"
     else:
         subject = "the targets" if field == "targets" else words(keyword(field))
+        if field == _EDGES and subject.startswith("--"):
+            return f"{subject} was {_typed(change.before)} and is now {_typed(change.now)}"
     if inside and values:
         what = " of ".join(reversed(inside)).replace("_", " ")
         return f"{subject} changed: {what} {values}"
     return f"{subject} {values or 'changed'}" if not inside else f"{subject} changed"
+
+
+def _typed(limits: Any) -> str:
+    """Return the limits of breaks as the command line takes them."""
+    if limits is None:
+        return _text(None)
+    low, high = limits
+    return f"{low:g}..{high:g}" if high else "sharp"
 
 
 def _values(change: _Change) -> str:

@@ -253,6 +253,11 @@ class InspectionPlan(PlanTables):
         return features_text([dimension.n_features for dimension in self.dimensions.values()])
 
     @property
+    def light_missing(self) -> bool:
+        """Whether light was requested and is not planned, as where the time limit ended before."""
+        return bool(self.settings) and self.request.lighting is not None and self.light is None
+
+    @property
     def means(self) -> Means:
         """The camera, its pose uncertainty, the localisation and the required accuracy, as one value."""
         return self.request.means
@@ -396,6 +401,8 @@ class InspectionPlan(PlanTables):
             **({"split": split} if split else {}),
             **foreseen,
             **({} if self.light is None else {"light": self.light.to_dict()}),
+            # it was requested
+            **({"light": None} if self.light_missing else {}),
             "simulation": None if self.simulation is None else self.simulation.to_dict(),
         }
 

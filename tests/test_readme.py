@@ -67,6 +67,9 @@ def test_commands_run_as_printed(clone, capsys):
         assert main(words(command)[1:]) == 0, command
     out = capsys.readouterr().out
     assert "116 sharp straight edges" in out
+    # curved faces of the CAD model are many flat ones
+    assert " facets, " in out
+    assert " edges between facets, " in out
     assert "12 dimensions, 8 with a tolerance, 12 measurable" in out
     # what is quoted, row by row: the last column is left out there, as are lines between
     settings, dimensions, verdict = PRINTED.split("\n\n")

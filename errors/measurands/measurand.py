@@ -560,7 +560,7 @@ def _wrong_entities(name: str, taken: Sequence[type]) -> str:
     ]
     if not fitting or name in fitting:
         return f"{rule}."
-    return f"{rule}. Use {' or '.join(fitting)} for these."
+    return f"{rule}. Use {' or '.join(fitting)} for {'this' if len(taken) == 1 else 'these'}."
 
 
 def _several(takes: Sequence[type]) -> str:

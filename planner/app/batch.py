@@ -337,9 +337,13 @@ def read_record(path: Path) -> PartResult | None:
         return None
 
 
-def is_table(path: Path) -> bool:
-    """Tell whether a file is ``results.json`` of `write_tables`."""
-    return parts_in(path) is not None
+# of a file that would be lost
+_NOT_OURS = "which no batch wrote"
+
+
+def no_table(path: Path) -> str:
+    """Say that a file is no ``results.json`` of `write_tables`; nothing of one that is."""
+    return _NOT_OURS if parts_in(path) is None else ""
 
 
 def parts_in(path: Path) -> set[str] | None:
@@ -422,7 +426,7 @@ def check_part_place(folder: Path) -> None:
         Names the file that would be lost.
     """
     names = (RECORD, *PLAN_FILES, STATE_FILE, REGIONS_FOLDER)
-    check_set_place(folder, names, lambda path: read_record(path) is not None, "out")
+    check_set_place(folder, names, lambda path: "" if read_record(path) else _NOT_OURS, "out")
 
 
 def reason_of(error: BaseException) -> str:
@@ -554,7 +558,7 @@ class FolderWork:
         simulation, notes = simulate_in_time(
             plan, self.simulate, request.seed, progress, self.solid, until
         )
-        if request.lighting is not None and lit.light is None:
+        if lit.light_missing:
             notes.append(NOT_LIT)
         plan = replace(lit, simulation=simulation)
         plan = with_source(plan, self.folder, self.part, self.reading)
@@ -629,6 +633,8 @@ def _described(
         reasons.append("the simulation contradicts the plan")
     if plan.unlit:
         reasons.append(f"no lamp shows {', '.join(plan.unlit)}")
+    if plan.light_missing:
+        reasons.append("light is not planned yet")
     return replace(
         blank,
         status=INCOMPLETE if reasons else PLANNED,
@@ -892,7 +898,7 @@ def plan_folder(
         check_path(name, path)
     source = absolute(folder)
     if not replace:
-        check_set_place(Path(out), TABLES, is_table, "out")
+        check_set_place(Path(out), TABLES, no_table, "out")
     with output_folder(out, TABLES, "out") as target, folder_lock(target):
         results: dict[str, PartResult] = {}
         waiting: list[PartTask] = []

@@ -111,6 +111,8 @@ def as_typed(name: str, options: Mapping[str, Any]) -> str:
         The command's options; ``typed`` holds those that were typed. Other parameters keep their
         names.
     """
+    if name in ("part2base", "part2flange") and options.get("cell"):
+        return f"{options['cell']}: {name}"
     if _FIELDS.get(name) in options:
         return option(_FIELDS[name])
     same = f"--{name.replace('_', '-')}"

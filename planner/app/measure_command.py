@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from aspectgraph import AspectGraphError
 from errors.exceptions import MeasurementModelError
 from errors.measurands import DecisionRule, Localisation
-from ground.convert import to_plain
+from ground.convert import from_plain, to_plain
 from planner.app.checks import in_words_of_shell
 from planner.app.job import check_same_part
 from planner.app.options import Measure, Render
@@ -42,7 +42,7 @@ from planner.files import (
 from planner.identity import PartRecord
 from planner.measuring.measurer import MeasureOptions, Measurer
 from planner.measuring.registration import Registration
-from planner.measuring.rehearsal import TRUTH, Rehearsal
+from planner.measuring.rehearsal import TRUTH, Rehearsal, Truth, digest_of_plan
 from planner.measuring.results import FORMAT, MeasurementResults
 from planner.measuring.task import REPEATABILITY
 from planner.plan import read_plan
@@ -53,6 +53,7 @@ from planner.text_table import print_text
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
+    from planner.plan import InspectionPlan
 
 
 WITH_EDGES = "edges+"
@@ -136,6 +137,8 @@ def render(options: Render) -> int:
     """Render the images of a plan, and write the true values beside them."""
     plan = read_plan(options.plan)
     out = absolute(options.out)
+    if not options.force:
+        check_set_place(out, (TRUTH,), partial(_other_rendering, plan), alone=True)
     with output_folder(options.out, (TRUTH,), "--out"):
         solid = read_part(options.part, options)
         check_same_part(solid, plan, options.part)
@@ -147,9 +150,9 @@ def render(options: Render) -> int:
             exact_poses=options.exact_poses,
         )
         if not options.quiet and rehearsal.unlit:
-            write_error(
-                "aspectgraph: the plan has no light; a lamp on the camera lights the images"
-            )
+            which = "the light that was requested is not planned yet"
+            why = which if plan.light_missing else "the plan has no light"
+            write_error(f"aspectgraph: {why}; a lamp on the camera lights the images")
         with terminal_progress(
             quiet=options.quiet, lines=options.verbose, waiting=True
         ) as progress:
@@ -237,21 +240,35 @@ def _check_places(parts: list[_Images], solid: Solid) -> None:
     """Refuse, before the work, folders with results of another part, or with other files."""
     digest = PartRecord.of(solid).digest
     for part in parts:
-        owner = {"serial": part.serial, "digest": digest}
-        check_set_place(part.out, FILES, partial(_is_of, owner), others=("plan.json",))
+        stranger = partial(_other_results, part.serial, digest)
+        check_set_place(part.out, FILES, stranger, others=("plan.json",))
 
 
-def _is_of(owner: dict[str, str], path: Path) -> bool:
-    """Tell whether a file holds results of a part."""
+def _other_results(serial: str, digest: str, path: Path) -> str:
+    """Say in what a file differs from results of a part; nothing if they are of it."""
+    other = "which 'measure' did not write"
     try:
         data = read_json(path, "results")
     except PlanFileError:
-        return False
+        return other
     if not isinstance(data, dict) or data.get("format") != FORMAT:
-        return False
+        return other
     source = data.get("source")
-    digest = source.get("part_digest") if isinstance(source, dict) else None
-    return {"serial": data.get("serial"), "digest": digest} == owner
+    if not isinstance(source, dict) or source.get("part_digest") != digest:
+        return "which is of another part"
+    if data.get("serial") == serial:
+        return ""
+    owner = f"serial {data['serial']!r}" if data.get("serial") else "no serial"
+    return f"which is of {owner}{f' and not of {serial!r}' if serial else ', and none is given'}"
+
+
+def _other_rendering(plan: InspectionPlan, path: Path) -> str:
+    """Say that a file is not of a rendering of a plan; nothing if it is."""
+    try:
+        truth = from_plain(Truth, read_json(path, "file"), PlanFileError)
+    except PlanFileError:
+        return "which 'render' did not write"
+    return "" if truth.plan_digest == digest_of_plan(plan) else "which is of another plan"
 
 
 def _write(results: MeasurementResults, folder: Path, with_qif: bool) -> None:

@@ -964,7 +964,9 @@ class Render(PartReading):
         the part of the plan
     out
         folder for the images, as measure reads them, and for truth.json, the true values; those of an earlier rendering
-        are replaced
+        of this plan are replaced
+    force
+        replace images of another plan, and other files, in DIR
     surfaces_mm
         standard deviation of the part's faces along their normals; 0: the part as designed (default: the largest that
         the plan states)
@@ -979,6 +981,7 @@ class Render(PartReading):
     plan: str = field(kw_only=False)
     part: Annotated[str, _named("PART")]
     out: Folder
+    force: bool = False
     surfaces_mm: OptionalLength = None
     exact_poses: bool = False
     seed: Seed = 0

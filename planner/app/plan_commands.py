@@ -37,8 +37,8 @@ from planner.app.batch import (
     FolderWork,
     PartRequest,
     dask_executor,
-    is_table,
     limits_of,
+    no_table,
     plan_folder,
     worker_processes,
 )
@@ -548,7 +548,8 @@ def plan(options: Plan) -> int:
         if interrupted:
             raise KeyboardInterrupt
     confirmed = result.simulation is not None and result.simulation.confirmed
-    return DONE if result.complete and confirmed and not result.unlit else INCOMPLETE
+    is_lit = not result.unlit and not result.light_missing
+    return DONE if result.complete and confirmed and is_lit else INCOMPLETE
 
 
 def _print_planned(
@@ -685,7 +686,7 @@ def batch(options: Batch) -> int:
     """Plan every part of a folder."""
     request = _request_of_parts(options)
     if not options.force:
-        check_set_place(Path(options.out), TABLES, is_table)
+        check_set_place(Path(options.out), TABLES, no_table)
     out = absolute(options.out)
     workers = nullcontext() if options.scheduler is None else dask_executor(options.scheduler)
     try:

@@ -142,7 +142,7 @@ def write_fault(error: BaseException, words: list[str] | None = None) -> None:
     verbose = not _VERBOSE.isdisjoint(sys.argv[1:] if words is None else words)
     if verbose:
         write_error("".join(traceback.format_exception(error)).rstrip())
-    text = " ".join(f"{type(error).__name__}: {error}".split())
+    text = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(".")
     line = visible(text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}...")
     advice = "Please report it with the command and its files"
     ending = advice if verbose else f"{advice}; --verbose shows its origin"

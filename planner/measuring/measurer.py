@@ -105,11 +105,12 @@ _FEWEST_LEVELS = 2
 
 
 def _unplanned(plan: InspectionPlan) -> list[str]:
-    """Say what the CAD model requires and the plan leaves out, so that nobody thinks that it was measured."""
+    """Say which light was requested and is not planned, and what the CAD model requires and the plan leaves out."""
     names: dict[str, list[str]] = {}
     for name, reason in plan.not_planned.items():
         names.setdefault(reason, []).append(name)
-    return [
+    light = ["light was requested and is not planned yet, so nothing is promised of contrast"]
+    return (light if plan.light_missing else []) + [
         f"not planned, and so not measured: {', '.join(of)}: {why}" for why, of in names.items()
     ]
 

@@ -8,11 +8,12 @@ part looks.
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import json
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
@@ -105,6 +106,8 @@ class Truth:
         Of the grey values: that of the plan's camera, otherwise "linear".
     white_level : int
         Grey value of full exposure.
+    plan_digest : str
+        Of the plan, see `digest_of_plan`; empty in older files.
     """
 
     seed: int
@@ -117,6 +120,23 @@ class Truth:
     version: Literal[1] = 1
     response: str = LINEAR.text
     white_level: Annotated[int, Meta(gt=0, title="must be a number above 0")] = _WHITE
+    plan_digest: str = ""
+
+
+def digest_of_plan(plan: InspectionPlan) -> str:
+    """Return the SHA-256 of a plan, whenever and by whomever it was made.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits.
+    """
+    return hashlib.sha256(replace(plan, made=None).file_text().encode()).hexdigest()
 
 
 class Rendered(NamedTuple):
@@ -559,6 +579,7 @@ class Rehearsal:
             {shot.name: poses[shot.setting] for shot in self._shots},
             response=self._response.text,
             white_level=plan.camera.white_level or _WHITE,
+            plan_digest=digest_of_plan(plan),
         )
 
     def __repr__(self) -> str:

@@ -29,7 +29,7 @@ from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import NumberOrNull, Registered
 from planner.measuring.response import ResponseRecord
 from planner.request.dimension import POSITIONS, plain_tolerance, zone_text
-from planner.request.words import tolerance_text
+from planner.request.words import amount_text, tolerance_text
 from planner.text_table import data_frame
 
 # Results: the readings of one target merged, its expanded uncertainty, and the decision.
@@ -74,7 +74,7 @@ def nominal_text(result: Result) -> str:
         zone = f"{zone_text(result.kind, result.tolerance[1])}{bonus} {result.unit}{condition}"
         return " | ".join((zone, *result.datums))
     tolerance = "" if result.tolerance is None else f" {tolerance_text(result.tolerance)}"
-    return f"{result.nominal:.6g} {result.unit}{tolerance}"
+    return f"{amount_text(f'{result.nominal:.6g}', result.unit)}{tolerance}"
 
 
 def value_texts(result: Result) -> tuple[str, str]:

@@ -555,6 +555,10 @@ def _decided(result: Result, u: float, rule: DecisionRule) -> Decision:
     return decide_deviation(best.deviation_mm, joint[:n, :n], result.tolerance[1], rule, bonus)[0]
 
 
+U_HOLDS = "U holds for that"
+"""Begins what larger breaks would do."""
+
+
 def edges_text(
     results: Mapping[str, Result], states: Mapping[str, EdgeState], unseen: UnseenBreaks | None
 ) -> str:
@@ -586,7 +590,7 @@ def edges_text(
     wider = unseen.uncertainties
     worst = results[max(wider, key=lambda name: wider[name] / results[name].expanded_uncertainty)]
     text = (
-        f"U holds for that. Images may not show breaks of up to {unseen.limit_mm:.2g} mm: with them, U of "
+        f"{U_HOLDS}. Images may not show breaks of up to {unseen.limit_mm:.2g} mm: with them, U of "
         f"{worst.name} is {digits_text(wider[worst.name], 2)} {worst.unit}, "
         f"not {digits_text(worst.expanded_uncertainty, 2)} {worst.unit}"
     )

@@ -32,9 +32,11 @@ from planner.measuring.results import (
     verdict,
 )
 from planner.measuring.samples import STATE_TEXTS, State
+from planner.measuring.seen_breaks import U_HOLDS
 from planner.report.tables import CellLine
 from planner.request.dimension import POSITIONS
 from planner.request.edge_state import UNSTATED_MM
+from planner.request.words import amount_text
 from planner.text_table import (
     Column,
     Table,
@@ -66,21 +68,34 @@ def print_results(results: MeasurementResults) -> None:
     for result in results:
         for note in result.notes:
             print_text(words(f"{result.name}: {note}", names))
-    for note in image_notes(results):
+    for note in image_notes(results, is_brief=True):
         print_text(note)
     print_text(verdict(results))
 
 
-def image_notes(results: MeasurementResults) -> Iterable[str]:
-    """Yield what is to be known of the edges and the images."""
+def image_notes(results: MeasurementResults, *, is_brief: bool = False) -> Iterable[str]:
+    """Yield what is to be known of the edges, in full or in one sentence, and of the images."""
     if results.edges:
-        yield f"edges: {results.edges}"
+        yield f"edges: {_brief_edges(results) if is_brief else results.edges}"
     for note in results.notes:
         image, _, text = note.partition(": ")
-        if text.rpartition(": ")[2] not in results.failed.get(image, ""):
+        # a note need not be about an image
+        if image not in results.failed or text.rpartition(": ")[2] not in results.failed[image]:
             yield f"note: {note}"
     for why, images in _by_text(results.failed).items():
         yield f"{enumerated(images)} cannot be registered: {why}"
+
+
+def _brief_edges(results: MeasurementResults) -> str:
+    """Say by how much edges are taken to be broken, and that more is possible; the report says what that would do."""
+    text, more, _ = results.edges.partition(f"; {U_HOLDS}")
+    if not more or results.unseen is None:
+        return results.edges
+    limit = f"{results.unseen.limit_mm:.2g} mm"
+    open_ones = len(results.unseen.open_decisions)
+    decided = f", and {open_ones} decision{'s' * (open_ones > 1)} open" if open_ones else ""
+    with_them = f"unseen breaks of up to {limit} would make U larger{decided}"
+    return f"{text}; {with_them}. State --edges; see the report"
 
 
 def _reasons(results: MeasurementResults) -> dict[str, list[str]]:
@@ -514,20 +529,20 @@ def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
     has_u = all(result.interval is None for result in ordered)
     is_foreseen = any(math.isfinite(result.foreseen_uncertainty) for result in ordered)
     columns = (
-        Column("target", kind="link"),
-        Column("nominal, tolerance", right=True),
-        Column("value", right=True),
-        Column("deviation", right=True),
+        Column("Target", kind="link"),
+        Column("Nominal, tolerance", right=True),
+        Column("Value", right=True),
+        Column("Deviation", right=True),
         Column("U (k = 2)" if has_u else "U (k = 2), or 95 % of a position", right=True),
         *([Column("U foreseen by the plan", right=True)] if is_foreseen else []),
-        Column("accepted deviation", right=True),
+        Column("Accepted deviation", right=True),
         *(
             [Column(f"U with breaks to {unseen.limit_mm:.2g} mm", right=True, kind="lines")]
             if unseen
             else []
         ),
-        Column("tolerance, guard bands, value ± U", kind="lines"),
-        Column("decision", kind="lines"),
+        Column("Tolerance, guard bands, value ± U", kind="lines"),
+        Column("Decision", kind="lines"),
     )
     rows = []
     for result in ordered:
@@ -648,7 +663,7 @@ def _sentence(result: Result) -> str:
     value, uncertainty = value_texts(result)
     decimals = decimals_of(result.expanded_uncertainty)
     text = (
-        f"{result.kind.replace('_', ' ').capitalize()} {value} {result.unit}, "
+        f"{result.kind.replace('_', ' ').capitalize()} {amount_text(value, result.unit)}, "
         f"deviation {_minus(f'{result.deviation:+.{decimals}f}')}, U = {uncertainty}."
     )
     if result.interval is not None:
@@ -694,7 +709,7 @@ def _reading_words(reading: Reading, unit: str) -> str:
         return f"{share}; {reading.reason}"
     u = reading.standard_uncertainty
     return (
-        f"{reading.value:.4f} {unit}, u = {u:.4f}, {share}, "
+        f"{amount_text(f'{reading.value:.4f}', unit)}, u = {u:.4f}, {share}, "
         f"points {reading.rms_px:.3f} px from the fit"
     )
 
@@ -710,9 +725,9 @@ def _budgets(ordered: Sequence[Result]) -> Table | None:
     if not readings:
         return None
     columns = (
-        Column("target"),
-        Column("image"),
-        *(Column(source, right=True, kind="lines") for source in sources),
+        Column("Target"),
+        Column("Image"),
+        *(Column(source.capitalize(), right=True, kind="lines") for source in sources),
         Column("u", right=True),
     )
     rows = []

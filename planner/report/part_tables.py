@@ -88,9 +88,13 @@ def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> No
     size = np.ptp(solid.bounds, axis=0)
     n = len(solid.straight_edges())
     chosen = "" if len(edges) == n else f"{len(edges)} of "
+    # curved faces of a CAD model are many facets here; without them, every edge is sharp and straight
+    is_curved = solid.circular_edges is not None and len(solid.edges) > n
+    faces = count(len(solid.faces), "facet" if is_curved else "face")
+    between = " between facets" if is_curved else ""
     text = (
-        f"{solid.name}: {count(solid.n_shells, 'shell')}, {count(len(solid.faces), 'face')}, "
-        f"{count(len(solid.edges), 'edge')}, {chosen}{count(n, 'sharp straight edge')}, "
+        f"{solid.name}: {count(solid.n_shells, 'shell')}, {faces}, "
+        f"{count(len(solid.edges), 'edge')}{between}, {chosen}{count(n, 'sharp straight edge')}, "
         f"{vector_text(size, ' x ')} mm"
     )
     print_text(words(text, [f"{solid.name}:"]))

@@ -44,7 +44,7 @@ from planner.report.wording import (
 )
 from planner.request.dimension import POSITIONS, is_one_sided
 from planner.request.targets import targets_of, words_of
-from planner.request.words import deviation_text, tolerance_text
+from planner.request.words import amount_text, deviation_text, tolerance_text
 from planner.rows import Row, split_rows
 from planner.text_table import Column, Table, digits_text
 from planner.verify.setting_record import Measurement, measurements
@@ -383,7 +383,7 @@ def _row(plan: InspectionPlan, k: int, name: str, measurement: Measurement) -> l
     return [
         [CellLine(name), CellLine(f"{_what(dimension)}{alone}", "note")],
         _nominal(dimension),
-        unbroken(f"{digits_text(expanded, 3)} {dimension.unit}"),
+        unbroken(amount_text(digits_text(expanded, 3), dimension.unit)),
         _ratio(dimension, expanded),
         _permitted(dimension, measurement),
         [k + 1],
@@ -411,9 +411,9 @@ def _split_row(plan: InspectionPlan, row: Row) -> list[Any]:
     return [
         [CellLine(row.name), CellLine(_what(dimension), "note")],
         _nominal(dimension),
-        unbroken(f"{digits_text(expanded, 3)} {dimension.unit}"),
+        unbroken(amount_text(digits_text(expanded, 3), dimension.unit)),
         _ratio(dimension, expanded),
-        [CellLine(unbroken(f"±{dimension.permitted_error:.4g} {dimension.unit}"))],
+        [CellLine(unbroken(amount_text(f"±{dimension.permitted_error:.4g}", dimension.unit)))],
         [first + 1, second + 1],
         promise,
         digits_text(row.standard_uncertainty, 3),
@@ -441,7 +441,7 @@ def _what(dimension: PlannedDimension) -> str:
 
 def _permitted(dimension: PlannedDimension, measurement: Measurement) -> list[CellLine]:
     """Return the permitted error, in the image too, and its share of the tolerance."""
-    lines = [CellLine(unbroken(f"±{dimension.permitted_error:.4g} {dimension.unit}"))]
+    lines = [CellLine(unbroken(amount_text(f"±{dimension.permitted_error:.4g}", dimension.unit)))]
     if measurement.permitted_error_px is not None:
         lines.append(CellLine(unbroken(f"{digits_text(measurement.permitted_error_px, 3)} px")))
     if dimension.share_text:
@@ -450,7 +450,7 @@ def _permitted(dimension: PlannedDimension, measurement: Measurement) -> list[Ce
 
 
 def _nominal(dimension: PlannedDimension) -> list[CellLine]:
-    text = f"{dimension.nominal:.6g} {dimension.unit}"
+    text = amount_text(f"{dimension.nominal:.6g}", dimension.unit)
     if dimension.tolerance is None:
         return [CellLine(text)]
     if dimension.kind in POSITIONS:
@@ -532,7 +532,7 @@ def foreseen_table(plan: InspectionPlan) -> Table | None:
         amounts = (planned, row.expanded_uncertainty, row.unseen_uncertainty)
         open_text = "open" if row.is_open else ""
         unit = plan.dimensions[name].unit
-        texts = [unbroken(f"{digits_text(amount, 2)} {unit}") for amount in amounts]
+        texts = [unbroken(amount_text(digits_text(amount, 2), unit)) for amount in amounts]
         rows.append(
             [name, [row.setting + 1], promised.text(setting.promise[name]), *texts, open_text]
         )
@@ -596,7 +596,7 @@ def _accepted(dimension: PlannedDimension, u: float) -> list[CellLine]:
 
 
 def _rounded(value: float, decimals: int, dimension: PlannedDimension) -> str:
-    return unbroken(f"{value:.{decimals}f} {dimension.unit}")
+    return unbroken(amount_text(f"{value:.{decimals}f}", dimension.unit))
 
 
 def _images_text(plan: InspectionPlan) -> list[str]:

@@ -29,6 +29,7 @@ from planner.request.camera_limits import (
     sigmas_left,
 )
 from planner.request.targets import targets_of, words_of
+from planner.request.words import amount_text
 from planner.rows import Row, split_rows
 from planner.sensor_setting import kind_of
 from planner.text_table import Column, Table, digits_text
@@ -178,7 +179,7 @@ def _result(
         row.kind.replace("_", " "),
         plan.targets[row.name].nominal_text,
         permitted(row, plan.targets[row.name]),
-        f"{digits_text(expanded, 3)} {row.unit}",
+        amount_text(digits_text(expanded, 3), row.unit),
         _percent(expanded / row.permitted_error),
         settings,
         *promised.cells(row.promise, row.probability),
@@ -214,7 +215,7 @@ def permitted(row: Row, target: Target) -> str:
         [] if row.permitted_error_px is None else [f"{digits_text(row.permitted_error_px, 3)} px"]
     )
     more += [target.share_text] if target.share_text else []
-    text = f"±{digits_text(row.permitted_error, 3)} {row.unit}"
+    text = amount_text(f"±{digits_text(row.permitted_error, 3)}", row.unit)
     return f"{text} ({', '.join(more)})" if more else text
 
 
@@ -247,7 +248,7 @@ def arm(plan: InspectionPlan) -> Table | None:
         *([Column("Turntable", right=True, unit="°", spec="g")] if turns else []),
         *(Column(f"Joint {k}", right=True, unit="°", spec=".2f") for k in range(1, n_joints + 1)),
         Column("Clearance", right=True, unit="mm", spec=".1f"),
-        Column("between"),
+        Column("Between"),
         Column("To limit", right=True, unit="°", spec=".0f"),
         Column("Singular value", right=True, spec=".2f"),
     ]

@@ -20,8 +20,8 @@ from planner.report.part_tables import vector_text
 from planner.report.tables import nearest_limits
 from planner.report.wording import (
     STOPPED_EARLY,
+    brief_edges_text,
     brief_verdict,
-    edges_text,
     evolved_sentence,
     features_cell,
     features_sentence,
@@ -37,13 +37,14 @@ from planner.report.wording import (
     shown_sentence,
     simulation_sentence,
     unshown_texts,
+    unstated_edges_text,
     verdict,
     white_text,
     window_text,
 )
 from planner.request.problem import why_missed
 from planner.request.targets import targets_of, words_of
-from planner.request.words import requirements_text, tolerance_text
+from planner.request.words import amount_text, requirements_text, tolerance_text
 from planner.rows import split_rows
 from planner.sensor_setting import ReasonKind, kind_of
 from planner.text_table import (
@@ -95,13 +96,14 @@ def plan_record(
     """Return a plan as in its file, the files written, and what could not be planned, with the reason.
 
     ``plan.features`` counts the characteristics, and those that are not planned. ``from_genetic_algorithm`` counts the
-    settings whose pose comes from it.
+    settings whose pose comes from it. ``light_missing`` tells whether light was requested and is not planned.
     """
     return {
         "plan": plan.to_dict(),
         "files": list(files),
         "not_planned": dict(not_planned),
         "from_genetic_algorithm": plan.n_evolved,
+        "light_missing": plan.light_missing,
     }
 
 
@@ -208,7 +210,9 @@ def _entities_or_reason(requirement: ModelDimension | GeometricTolerance) -> Any
 
 
 def _dimension_row(dimension: Any) -> tuple[Any, ...]:
-    nominal = "" if dimension.nominal is None else f"{dimension.nominal:.6g} {dimension.unit}"
+    nominal = (
+        "" if dimension.nominal is None else amount_text(f"{dimension.nominal:.6g}", dimension.unit)
+    )
     tolerance = ""
     if dimension.tolerance is not None:
         tolerance = f"{tolerance_text(dimension.tolerance)} {dimension.unit}"
@@ -332,15 +336,17 @@ def _notes(plan: InspectionPlan) -> list[str]:
         texts.append(text)
     if text := near_lines_text(plan):
         texts.append(text)
-    if text := edges_text(plan):
+    if text := brief_edges_text(plan):
         texts.append(f"edges: {text}")
     return texts
 
 
 def print_explanation(plan: InspectionPlan) -> None:
-    """Print what the probabilities of a plan mean; nothing of a plan without settings."""
+    """Print what the probabilities of a plan mean, and what breaks of edges do; nothing of a plan without settings."""
     if plan.settings:
         print_text(promise_sentence(plan))
+    if text := unstated_edges_text(plan):
+        print_text(f"edges: {text}")
 
 
 def print_details(plan: InspectionPlan) -> None:
@@ -634,8 +640,8 @@ def _predicted_row(pose: str, name: str, target: PosePrediction) -> tuple[str, .
         pose,
         name,
         target.nominal_text,
-        f"{digits_text(target.permitted_error, 3)} {unit}",
-        f"{digits_text(target.expanded_uncertainty, 3)} {unit}",
+        amount_text(digits_text(target.permitted_error, 3), unit),
+        amount_text(digits_text(target.expanded_uncertainty, 3), unit),
         probability_text(target.probability),
         probability_text(target.p_all),
     )

@@ -32,6 +32,7 @@ from planner.request.edge_state import (
     value_sigma,
 )
 from planner.request.targets import words_of
+from planner.request.words import amount_text
 from planner.rows import unshown_warning
 from planner.text_table import count, digits_text
 from planner.verify.setting_record import measurements, search_windows_px
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from planner.light.light_plan import LightPlan, LitImage
     from planner.plan import InspectionPlan
     from planner.request.targets import PlannedDimension, Target
+    from planner.sensor_setting import Foreseen
     from planner.verify.simulate_plan import ShownImages, SimulationResult
 
 
@@ -211,6 +213,30 @@ def edges_text(plan: InspectionPlan) -> str:
     return "; ".join(texts)
 
 
+def brief_edges_text(plan: InspectionPlan) -> str:
+    """Say by how much edges are broken, and in one sentence what a break would do where it is not stated.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    """
+    text = edges_text(plan)
+    whole = unstated_edges_text(plan)
+    if not whole:
+        return text
+    brief = whole.partition(". ")[0]
+    rows = _broken_rows(plan)
+    if rows:
+        worst = rows[0]
+        foreseen = digits_text(worst.expanded_uncertainty, 2)
+        brief = (
+            f"planned as sharp; 'measure' assumes breaks of up to {EdgeState().high_mm:g} mm: its U of {worst.name} "
+            f"will be about {amount_text(foreseen, plan.dimensions[worst.name].unit)}"
+        )
+    return text.replace(whole, f"{brief}. State --edges sharp, or --edges 0.1..0.3")
+
+
 def unstated_edges_text(plan: InspectionPlan) -> str:
     """Say what a break would do to the worst of the dimensions that are planned as sharp; empty without any.
 
@@ -234,7 +260,8 @@ def unstated_edges_text(plan: InspectionPlan) -> str:
     _, target, shift, expanded = worst
     moved = (
         f"planned as sharp; a break of {TYPICAL_BREAK_MM:g} mm would move {target.name} by up to "
-        f"{digits_text(shift, 2)} {target.unit}, its U is {digits_text(expanded, 2)} {target.unit}"
+        f"{amount_text(digits_text(shift, 2), target.unit)}, its U is "
+        f"{amount_text(digits_text(expanded, 2), target.unit)}"
     )
     if text := _foreseen_text(plan):
         return f"{moved}. {text}. {STATE_EDGES}"
@@ -242,23 +269,31 @@ def unstated_edges_text(plan: InspectionPlan) -> str:
     measured = math.hypot(expanded, COVERAGE * value_sigma(target.measurand, assumed))
     return (
         f"{moved}. 'measure' assumes breaks of up to {assumed.high_mm:g} mm where none is stated. Its U is then at "
-        f"most about {digits_text(measured, 2)} {target.unit}, and less where the image tells how the light falls. "
-        f"{STATE_EDGES}"
+        f"most about {amount_text(digits_text(measured, 2), target.unit)}, and less where the image tells how the "
+        f"light falls. {STATE_EDGES}"
     )
+
+
+def _broken_rows(plan: InspectionPlan) -> list[Foreseen]:
+    """Return what `measure` will state where breaks may not be seen, the target that suffers most first."""
+    rows = [row for row in surest(plan.foreseen).values() if row.limit_mm > 0]
+    rows.sort(key=lambda row: -row.unseen_uncertainty / row.expanded_uncertainty)
+    return rows
 
 
 def _foreseen_text(plan: InspectionPlan) -> str:
     """Say which U `measure` will state where edges are not stated, of the target that suffers most."""
-    rows = [row for row in surest(plan.foreseen).values() if row.limit_mm > 0]
+    rows = _broken_rows(plan)
     if not rows:
         return ""
-    worst = max(rows, key=lambda row: row.unseen_uncertainty / row.expanded_uncertainty)
+    worst = rows[0]
     unit = plan.dimensions[worst.name].unit
-    unseen = digits_text(worst.unseen_uncertainty, 2)
+    foreseen = amount_text(digits_text(worst.expanded_uncertainty, 2), unit)
+    unseen = amount_text(digits_text(worst.unseen_uncertainty, 2), unit)
     text = (
         f"'measure' assumes breaks of up to {EdgeState().high_mm:g} mm where none is stated: its U of {worst.name} "
-        f"will be about {digits_text(worst.expanded_uncertainty, 2)} {unit}. Images may not show breaks of up to "
-        f"{digits_text(worst.limit_mm, 2)} mm: with them, this U is about {unseen} {unit}"
+        f"will be about {foreseen}. Images may not show breaks of up to {digits_text(worst.limit_mm, 2)} mm: with "
+        f"them, this U is about {unseen}"
     )
     undecided = sum(row.is_open for row in rows)
     if undecided:
@@ -558,7 +593,7 @@ def unlit_sentence(plan: InspectionPlan) -> str:
     promise = (
         "nothing is promised of contrast: an edge that your lamps do not show is not measured."
     )
-    if plan.request.lighting is not None:
+    if plan.light_missing:
         return f"Light is not planned yet, so {promise}"
     return f"Light is not planned, so {promise} --light plans lamps."
 

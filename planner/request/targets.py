@@ -62,6 +62,7 @@ from planner.request.words import (
     EDGES,
     MIXED,
     TargetWords,
+    amount_text,
     is_characteristic,
     tolerance_text,
 )
@@ -290,7 +291,7 @@ class Target(ABC):
     @property
     def nominal_text(self) -> str:
         """The nominal value with its unit."""
-        return f"{self.nominal:.6g} {self.unit}"
+        return amount_text(f"{self.nominal:.6g}", self.unit)
 
     @property
     def witness(self) -> Witness:
@@ -393,7 +394,7 @@ class Target(ABC):
     @property
     def value_text(self) -> str:
         """Kind, nominal value and unit."""
-        return f"{self.kind.replace('_', ' ')} {self.nominal:.3f} {self.unit}"
+        return f"{self.kind.replace('_', ' ')} {amount_text(f'{self.nominal:.3f}', self.unit)}"
 
     @property
     def points(self) -> NDArray[np.float64]:
@@ -802,12 +803,12 @@ class PlannedDimension(Target):
     @property
     def requirement_texts(self) -> tuple[str, str]:
         """The target, its tolerance if it has one, and the permitted error with its share of it."""
-        nominal = f"{self.kind.replace('_', ' ')} {self.nominal:.6g} {self.unit}"
+        nominal = f"{self.kind.replace('_', ' ')} {amount_text(f'{self.nominal:.6g}', self.unit)}"
         if self.kind in POSITIONS and self.tolerance is not None:
             share = self._share(self.tolerance)
-            error = f"error up to {self.permitted_error:.4g} {self.unit} ({share})"
+            error = f"error up to {amount_text(f'{self.permitted_error:.4g}', self.unit)} ({share})"
             return f"{self.kind.replace('_', ' ')} in {self.nominal_text}", error
-        error = f"error up to {self.permitted_error:.4g} {self.unit}"
+        error = f"error up to {amount_text(f'{self.permitted_error:.4g}', self.unit)}"
         if self.tolerance is None:
             return nominal, error
         if is_one_sided(self.tolerance):
@@ -877,7 +878,7 @@ class PlannedDimension(Target):
         if share > 1.0:
             return "No share of the tolerance would do there: a larger image or a surer pose is needed."
         error = share * half_width(self.kind, self.tolerance)
-        return f"An error of up to {error:.4g} {self.unit}, a share of {share:g}, would do there."
+        return f"An error of up to {amount_text(f'{error:.4g}', self.unit)}, a share of {share:g}, would do there."
 
     def item_of(self, solid: Solid) -> Dimension:
         """Return the dimension as `plan_inspection` takes it, on a part.

@@ -216,6 +216,19 @@ MIXED = TargetWords(
 )
 
 
+def amount_text(amount: str, unit: str) -> str:
+    """Return an amount with its unit, such as "12 mm" or "45°".
+
+    Parameters
+    ----------
+    amount : str
+        The digits.
+    unit : str
+        Such as "mm" or "deg".
+    """
+    return f"{amount}°" if unit == "deg" else f"{amount} {unit}"
+
+
 def deviation_text(deviation: float) -> str:
     """Return a deviation that a tolerance allows, with its sign; 0 has none.
 

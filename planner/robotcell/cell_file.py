@@ -32,7 +32,7 @@ _INLINE = ("cam2flange", "part2base", "pose", "axis", "packages", "cable")
 Triple = Annotated[tuple[float, float, float], Meta(title="must be 3 finite numbers")]
 FileName = Annotated[str, Meta(min_length=1, title="must be the name of a file or folder")]
 Angles = Annotated[
-    tuple[float, ...], Meta(min_length=6, max_length=7, title="must be 6 or 7 finite numbers")
+    tuple[float, ...], Meta(min_length=1, title="must be finite numbers, one for each joint")
 ]
 
 
@@ -324,12 +324,18 @@ def cell_fields(path: str | PathLike[str]) -> dict[str, Any]:
 
 def _arguments(table: CameraInHandTable | PartInHandTable, folder: Path) -> dict[str, Any]:
     """Return the arguments of a cell, but for its camera's place."""
-    home = {"home": np.radians(table.home_deg)} if table.home_deg else {}
+    robot = table.robot.robot(folder)
+    home = {}
+    if table.home_deg:
+        if len(table.home_deg) != robot.n_joints:
+            rule = f"must be {robot.n_joints} numbers, one for each joint of the robot"
+            raise RobotError.of_rule("home_deg", rule, f"{len(table.home_deg)}")
+        home["home"] = np.radians(table.home_deg)
     light = {} if table.light is None else {"light": table.light.light()}
     outside = () if table.camera is None else table.camera.bodies()
     solids = [body.body(folder, "camera_body") for body in table.camera_body]
     return {
-        "robot": table.robot.robot(folder),
+        "robot": robot,
         "fixturings": {
             name: _fixturing(way, folder, f"fixturings.{name}")
             for name, way in table.fixturings.items()

@@ -580,6 +580,8 @@ def digest_of(
 _LEAST_LEVER_MM = 5.0
 # two places of a backlight below the part are the same within this
 _SAME_MM = 1e-6
+# places of parts are farther from the base: shorter ones are in metres
+_SHORTEST_MM = 10.0
 # bodies so near to each other at the angle 0 of a turntable touch
 _TOUCHING_MM = 0.01
 _INWARDS = 0.866
@@ -811,6 +813,14 @@ def _touches(robot: Robot, arm: Arm, pair: tuple[int, int], shares: np.ndarray) 
         yield bool(near) and group.distance(0, frames[row]) <= 0
 
 
+def _in_millimetres(pose: np.ndarray) -> str:
+    """Return a hint for a pose (4, 4) whose place may be in metres: nothing where a coordinate is 10 mm or more."""
+    largest = max(pose[:3, 3], key=abs)
+    if not 0 < abs(largest) < _SHORTEST_MM:
+        return ""
+    return f"{largest:.6g} m are {1000 * largest:.6g}"
+
+
 def check_part_stands_free(
     fixturing: str,
     part: Standing,
@@ -824,17 +834,20 @@ def check_part_stands_free(
     """
     fcl = needed("fcl")
     rule = f"must not put the part through other objects in fixturing {fixturing!r}"
+    place = f"({', '.join(f'{x:.6g}' for x in part.pose[:3, 3])}) mm"
     for body in arm:
         if body.segment > 0:
             continue
         base = Standing(body.name, np.eye(4), body.hull)
         if fcl.collide(part.placed, base.placed) or part.holds(body.hull.corners.mean(axis=0)):
-            raise RobotError.of_rule(parameter, rule, f"it is in {body.name}")
+            got = f"{place}, where the part is inside {body.name}"
+            raise RobotError.of_rule(parameter, rule, got, hint=_in_millimetres(part.pose))
     for other in others:
         depth = sunk_mm(part, other, SKIN_MM)
         if depth > SKIN_MM:
-            got = f"{depth:.3g} mm deep in {other.name}, {SKIN_MM:g} mm permitted"
+            got = f"{place}, where the part is {depth:.3g} mm deep in {other.name}, {SKIN_MM:g} mm permitted"
             hint = "reach --place --table NAME lays the part on a table"
+            hint = _in_millimetres(part.pose) or hint
             raise RobotError.of_rule(parameter, rule, got, hint=hint)
 
 

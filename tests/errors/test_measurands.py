@@ -357,7 +357,7 @@ def test_a_new_kind_is_one_class():
         (
             "diameter",
             GEOMETRY["length"],
-            "a diameter must have one rim or arc. Got one straight edge. Use length for these.",
+            "a diameter must have one rim or arc. Got one straight edge. Use length for this.",
         ),
         (
             "distance",

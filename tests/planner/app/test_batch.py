@@ -578,6 +578,7 @@ def test_stated_dimensions_are_planned_as_those_of_one_part(tmp_path, monkeypatc
             settings=(),
             lower_bound=0,
             unlit=(),
+            light_missing=False,
             unfinished=False,
         ), None
 

@@ -10,6 +10,7 @@ from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_p
 from PIL import Image
 
 from aspectgraph import read_solid
+from planner import Lighting
 from planner.app.main import main
 from planner.identity import PartRecord
 
@@ -223,11 +224,62 @@ def test_files_of_somebody_else_stay(folder, tmp_path, capsys, name):
     assert run(folder, "good", *given(folder), "--force", out=tmp_path) == 0
 
 
-def test_results_of_another_serial_stay(folder, tmp_path):
+def test_results_of_another_serial_stay(folder, tmp_path, capsys):
     assert run(folder, "good", *given(folder), "--serial", "N1", out=tmp_path) == 0
     assert run(folder, "good", *given(folder), "--serial", "N1", out=tmp_path) == 0
     assert run(folder, "good", *given(folder), "--serial", "N2", out=tmp_path) == 2
+    told = "results.json, which is of serial 'N1' and not of 'N2'; --force replaces it."
+    assert told in capsys.readouterr().err
+    assert run(folder, "good", *given(folder), out=tmp_path) == 2
+    told = "results.json, which is of serial 'N1', and none is given; --force replaces it."
+    assert told in capsys.readouterr().err
     assert json.loads((tmp_path / "results.json").read_text())["serial"] == "N1"
+
+
+def test_a_plan_without_the_light_asked_for_says_so(folder, capsys, tmp_path):
+    """As where the time limit ended before lamps were found."""
+    part = PartRecord.of(read_solid(folder / "plate.off"))
+    plan = measured_plan(thick_plate(), ["width"], part=part, lighting=Lighting("ring"))
+    plan.write(tmp_path / "plan.json")
+    part_options = "--part", str(folder / "plate.off"), "--units", "mm"
+    plan_file = str(tmp_path / "plan.json")
+    images = str(tmp_path / "images")
+    assert main(["render", plan_file, *part_options, "--out", images]) == 0
+    note = "aspectgraph: the light that was requested is not planned yet; a lamp on the camera"
+    assert note in capsys.readouterr().err
+    results = str(tmp_path / "results")
+    main(["measure", plan_file, images, *part_options, "--out", results])
+    told = "light was requested and is not planned yet, so nothing is promised of contrast"
+    assert told in " ".join(capsys.readouterr().out.split())
+    assert told in json.loads((tmp_path / "results" / "results.json").read_text())["notes"]
+
+
+def test_a_rendering_stays_out_of_folders_of_others(folder, capsys, tmp_path):
+    plan = measured_plan(
+        thick_plate(), ["width"], settings=1, part=PartRecord.of(read_solid(folder / "plate.off"))
+    )
+    plan.write(tmp_path / "plan.json")
+
+    def rendered(*more, plan=tmp_path / "plan.json"):
+        part = "--part", str(folder / "plate.off"), "--units", "mm"
+        code = main(["render", str(plan), *part, "--out", str(tmp_path / "out"), *more])
+        return code, capsys.readouterr().err
+
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "bracket.step").write_text("mine")
+    code, told = rendered()
+    assert code == 2
+    assert told.startswith("aspectgraph: --out must be a folder without files of others. Got ")
+    assert told.endswith("bracket.step; give a new folder, or write there with --force.\n")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["bracket.step"]
+    assert rendered("--force")[0] == 0
+    # as its own folder, whatever else is there, and whenever the plan was made
+    assert rendered("--seed", "1")[0] == 0
+    code, told = rendered(plan=folder / "plan.json")
+    assert code == 2
+    assert "truth.json, which is of another plan; --force replaces it." in told
+    (tmp_path / "out" / "truth.json").write_text("{}")
+    assert "truth.json, which 'render' did not write; --force replaces it." in rendered()[1]
 
 
 def test_rendered_images_are_measured(folder, capsys, monkeypatch):

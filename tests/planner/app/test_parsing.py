@@ -38,7 +38,7 @@ from planner.app.quantities import (
     registration,
     solid_names,
 )
-from planner.exceptions import PlannerError, RequestError
+from planner.exceptions import PlannerError, RequestError, RobotError
 from planner.light.corner_light import DEFAULT_STEP
 from planner.optics import LightShows
 from planner.request.camera_limits import MOST_SEED
@@ -816,6 +816,12 @@ def test_every_error_has_words_for_a_shell_and_keeps_its_data_in_another_process
     assert (error.parameter, error.rule, error.got) == ("seed", "must be >= 0", "-1")
     assert in_words_of_shell(error, {"seed": 0}) == "--seed must be >= 0. Got -1."
     assert in_words_of_shell(cls("plain words"), {"seed": 0}) == "plain words"
+
+
+def test_a_pose_of_a_cell_is_named_with_its_file():
+    error = RobotError.of_rule("part2base", "must not put the part through others", "(0, 0, 0) mm")
+    text = in_words_of_shell(error, {"cell": "cell.toml"})
+    assert text.startswith("cell.toml: part2base must not put the part through others. Got ")
 
 
 def test_the_planner_gives_hints_that_are_the_same_in_a_call_and_at_a_shell():

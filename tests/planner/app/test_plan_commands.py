@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import shutil
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +93,21 @@ def test_lamps_that_are_on_together(folder, capsys):
     assert (
         "of one strength that are all on together" in (folder / "out" / "report.html").read_text()
     )
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_plan_without_the_light_asked_for_is_incomplete(folder, capsys, monkeypatch):
+    """As where the time limit ended before lamps were found."""
+    monkeypatch.setattr("planner.app.batch.with_light", lambda plan, *_: replace(plan, light=None))
+    assert main([*PLAN, "--light", "at:0,0,900", "--json"]) == INCOMPLETE
+    told = json.loads(capsys.readouterr().out)
+    assert told["light_missing"]
+    assert told["plan"]["light"] is None
+    found = read_plan(folder / "out" / "plan.json")
+    assert found.light_missing
+    assert found.complete
+    page = (folder / "out" / "report.html").read_text()
+    assert "Light is not planned yet, so nothing is promised of contrast" in page
 
 
 @pytest.mark.usefixtures("folder")
@@ -497,6 +512,18 @@ OTHERS = {
     "camera": ({"camera": Camera.named("basler-acA2440-20gm-8mm")}, "--camera changed"),
     "new entity": (
         {"targets": targets(more=(9, [[0.0, 0, 0], [0, 50, 0]]))},
+        "target 'more' is new",
+    ),
+    "edges": (
+        {"edge_break_mm": (0.0, 0.0)},
+        "--edges was not given and is now sharp",
+    ),
+    "broken edges": (
+        {"edge_break_mm": (0.1, 0.3)},
+        "--edges was not given and is now 0.1..0.3",
+    ),
+    "edges of other targets": (
+        {"targets": targets(more=(9, [[0.0, 0, 0], [0, 50, 0]])), "edge_break_mm": (0.0, 0.0)},
         "target 'more' is new",
     ),
     "another edge": (

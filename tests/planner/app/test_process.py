@@ -14,7 +14,7 @@ import pytest
 
 from planner.app import plan_commands as commands
 from planner.app.main import termination_as_interruption
-from planner.app.process import shortage
+from planner.app.process import shortage, write_fault
 from planner.executors import usable_cores
 from planner.files import absolute, path_text
 from planner.plan import read_plan
@@ -501,3 +501,8 @@ def test_names_are_short_where_they_can_be(tmp_path, monkeypatch):
     monkeypatch.setattr("os.getcwd", gone)
     assert path_text(tmp_path / "out") == str(tmp_path / "out")
     assert absolute("out") == Path("out")
+
+
+def test_a_fault_ends_with_one_full_stop(capsys):
+    write_fault(ValueError("x must be finite. Got nan."), [])
+    assert "Got nan. Please report it" in capsys.readouterr().err

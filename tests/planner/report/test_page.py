@@ -619,6 +619,27 @@ def test_a_lost_context_comes_back(browser, file):
 
 
 @needs_browser
+def test_long_words_of_a_setting_wrap_and_its_table_fits(page_report_page):
+    words = "by e5 from 0 to 50 percent, e3, one of 3 ways " * 3
+    assert page_report_page.run(
+        f"""(() => {{
+          const frame = document.querySelector('.setting .scroll'), cell = frame.querySelector('tbody td:nth-child(2)');
+          const before = cell.innerHTML;
+          cell.textContent = '{words}';
+          const fits = frame.scrollWidth <= frame.clientWidth;
+          cell.innerHTML = before;
+          return fits;
+        }})()"""
+    )
+
+
+@needs_browser
+def test_a_shadow_shows_that_a_table_scrolls(page_report_page):
+    style = "getComputedStyle(document.querySelector('.scroll')).backgroundAttachment"
+    assert page_report_page.run(style) == "local, local, scroll, scroll"
+
+
+@needs_browser
 def test_the_picture_in_space_is_as_wide_as_its_frame(page_report_page):
     """On a desktop the graph stands beside it, which comes after the picture was drawn."""
     widths = page_report_page.run(

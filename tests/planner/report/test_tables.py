@@ -10,6 +10,7 @@ from plan_examples import CAMERA, plan, setting
 from ground.templates import render
 from planner.report import tables
 from planner.report.tables import FEW, binding_sentence, focus_note, nearest_limits
+from planner.request.words import amount_text
 from planner.rows import Row, Warned, WarningKind
 from planner.sensor_setting import Reason, ReasonKind
 
@@ -221,3 +222,8 @@ def test_a_point_that_displaced_poses_may_not_have_in_focus_is_told(across_mm, a
         assert note == ""
     else:
         assert f" only {sigmas} standard deviations of its depth from a limit" in note
+
+
+def test_amounts_have_their_unit_as_people_write_it():
+    assert amount_text("45", "deg") == "45°"
+    assert amount_text("12", "mm") == "12 mm"

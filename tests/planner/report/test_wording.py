@@ -26,9 +26,11 @@ from planner.report.page import NOT_INSPECTED, _figures, report_html, target_col
 from planner.report.terminal_tables import print_graph, print_plan, print_simulation
 from planner.report.wording import (
     bound_sentence,
+    brief_edges_text,
     brief_verdict,
     calibration_rows,
     dark_sentence,
+    edges_text,
     entity_words,
     graph_sentence,
     incumbent_line,
@@ -399,6 +401,10 @@ def test_edges_planned_as_sharp_are_told_with_the_u_that_measuring_will_state():
     assert f"Its U is then at most about {math.hypot(sharp, broken):.2g} mm" in text
     stated = replace(example, request=replace(example.request, edge_break_mm=(0.0, 0.1)))
     assert unstated_edges_text(stated) == ""
+    brief = brief_edges_text(example)
+    assert "would move bore_35_back by up to 0.2 mm, its U is 0.11 mm. State --edges" in brief
+    assert len(brief.split()) <= 30
+    assert brief_edges_text(stated) == edges_text(stated)
 
 
 @pytest.mark.parametrize(

@@ -420,10 +420,20 @@ def test_cells_that_are_none(changes, message):
 @pytest.mark.parametrize(
     ("fixturings", "message"),
     [
-        (THROUGH, "through other objects in fixturing 'up'. Got 30 mm deep in table"),
-        (IN_BASE, "through other objects in fixturing 'up'. Got it is in base_link"),
+        (
+            THROUGH,
+            "through other objects in fixturing 'up'. Got .* mm, where the part is 30 mm deep in table",
+        ),
+        (
+            IN_BASE,
+            "through other objects in fixturing 'up'. Got .* mm, where the part is inside base_link",
+        ),
+        (
+            {"up": Fixturing(pose((0.65, 0.15, 0.1)))},
+            r"Got \(0.65, 0.15, 0.1\) mm, where the part is .*; 0.65 m are 650\.",
+        ),
     ],
-    ids=["table", "base"],
+    ids=["table", "base", "metres"],
 )
 def test_a_part_through_other_bodies_is_refused(fixturings, message):
     cell = made_cell(fixturings=fixturings)

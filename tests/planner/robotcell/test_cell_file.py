@@ -65,7 +65,7 @@ CASES = {
     "five joints": (
         "0.0, 90.0, 0.0]\n\n# hand",
         "0.0, 90.0]\n\n# hand",
-        "home_deg must be 6 or 7 finite numbers",
+        "home_deg must be 6 numbers, one for each joint of the robot. Got 5",
     ),
     "pose of three rows": (
         "    [0.0, 0.0, 0.0, 1.0],\n",
