@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 from plan_examples import planned_dimension
 
-from errors.measurands import Circle, Localisation
+from errors.measurands import Circle, Line, Localisation
 from planner import RequestError
 from planner.app.job import read_localisation
 from planner.exceptions import PlanFileError
@@ -14,6 +14,7 @@ from planner.report.setting_report import (
     _budget,
     _images_text,
     _nominal,
+    _what,
     budget_percents,
     localisation_text,
 )
@@ -46,6 +47,12 @@ def test_tolerances_are_told_with_their_signs():
     assert texts(_nominal(dimension())) == ["20 mm", "+0.3", "-0.1"]
     assert texts(_nominal(dimension(tolerance=(-0.1, 0.0)))) == ["20 mm", "0", "-0.1"]
     assert texts(_nominal(dimension(tolerance=None))) == ["20 mm"]
+
+
+def test_a_stretch_of_an_edge_is_named_by_percentages():
+    lines = [Line([0, y, 0], [10, y, 0]) for y in (0, 5)]
+    width = planned_dimension("distance", ("e5[0:1/2]", "e3"), lines, 0.1)
+    assert _what(width) == "distance of e5 from 0 to 50 %, e3"
 
 
 def test_a_position_has_a_zone_and_no_limits():
