@@ -723,8 +723,6 @@ RULE = OpticsRule()
 DISTANCES_MM = (100.0, 160.0, 250.0, 400.0, 630.0, 1000.0, 1600.0)
 # for what does not depend on the camera
 _STAND_IN = Camera(25.0, (0.005, 0.005), (2000, 2000), 8.0, 400.0)
-# poses whose image is looked at together, the surest first
-_AT_ONCE = 8
 _OF_IMAGE = ("resolution_mm", "focus_mm", "field_of_view_px")
 
 
@@ -1019,9 +1017,11 @@ def _best(
     None if the item cannot be found in the image of any of the poses.
     """
     probability = view.target.probability(poses, means)
-    best = _best_shown(poses, probability, shows)
-    if best is None:
+    order = np.argsort(-probability, kind="stable")
+    first = shows.first_shown(poses[order])
+    if first is None:
         return None
+    best = int(order[first])
     if means.own_edges is not None:
         # as a setting of a plan states it
         knowledge = knowledge_of([view.target], means, poses[best])
@@ -1032,21 +1032,6 @@ def _best(
         described.expanded_uncertainty / described.permitted_error,
         poses[best],
     )
-
-
-def _best_shown(
-    poses: NDArray[np.float64], probability: NDArray[np.float64], shows: Constraints
-) -> int | None:
-    """Return the number of the surest pose in whose image the item can be found, in pixels of this camera."""
-    order = np.argsort(-probability, kind="stable")
-    for first in range(0, len(order), _AT_ONCE):
-        rows = order[first : first + _AT_ONCE]
-        slacks = shows.slacks(poses[rows], shows.shows)
-        is_shown = np.all([margins.min(axis=(1, 2)) >= 0 for margins in slacks.values()], axis=0)
-        found = rows[np.broadcast_to(is_shown, rows.shape)]
-        if found.size:
-            return int(found[0])
-    return None
 
 
 def _rank(proposal: OpticsProposal) -> tuple[Any, ...]:

@@ -1065,9 +1065,9 @@ def corner_lines_of(
     required_deg = required.get("min_corner_deg", 0.0)
     poses = _poses_of(plan)
     numbers = np.flatnonzero([bool(ids) and required_deg > 0 for ids in edge_ids])
-    ends = np.array(
-        [plan.targets[names[k][1]].points for k in numbers.tolist()], np.float64
-    ).reshape(-1, 2, 3)
+    ends = np.array([plan.targets[names[k][1]].ends for k in numbers.tolist()], np.float64).reshape(
+        -1, 2, 3
+    )
     image = ImageCheck(
         solid,
         [edge_ids[k] for k in numbers.tolist()],

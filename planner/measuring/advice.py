@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.measuring.images import DARK_SHARE, MOST_BLUR_PX, Picture, longer
+from planner.camera.response import LINEAR
+from planner.measuring.images import DARK_SHARE, MOST_BLUR_PX, STATED, Picture, longer
 from planner.measuring.reading import Reading, largest_state
 from planner.measuring.samples import STATE_TEXTS, State
 
@@ -154,6 +155,17 @@ def advice_of_images(pictures: Sequence[Picture], lost: Mapping[str, int]) -> st
     bright = max(picture.bright_share for picture in pictures)
     if bright < DARK_SHARE:
         return f"{longer(bright)}: the image is dark"
+    advice = _advice_of_lost(lost)
+    if not any(
+        picture.response_from == STATED and picture.response != LINEAR for picture in pictures
+    ):
+        return advice
+    # a wrong one moves edges, and by how much depends on how far they are from sharp
+    return f"{advice}; and check the stated response" if advice else "check the stated response"
+
+
+def _advice_of_lost(lost: Mapping[str, int]) -> str:
+    """Return what to change by what became of samples, in words; empty if nothing is known."""
     found = lost.get(STATE_TEXTS[State.FOUND], 0)
     if lost and found < _NOTHING_SHARE * sum(lost.values()):
         return ANOTHER

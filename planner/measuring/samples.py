@@ -675,8 +675,9 @@ class PartEdges:
         is_front = np.einsum("efk,ek->ef", normals, eye - ends[:, 0]) > 0
         local = world_to_cam(ends, cam2world)
         turns = (is_front[:, 0] != is_front[:, 1]) & (local[:, :, 2] > 0).all(axis=1)
-        ends, normals, local = ends[turns], normals[turns], local[turns]
-        slopes = local[:, :, :2] / local[:, :, 2:]
+        ends = ends[turns]
+        normals = normals[turns]
+        slopes = local[turns, :, :2] / local[turns, :, 2:]
         length_px = np.linalg.norm(
             (slopes[:, 1] - slopes[:, 0]) * camera.matrix[[0, 1], [0, 1]], axis=1
         )

