@@ -234,8 +234,8 @@ plt.show()
 # %% [markdown]
 # Each of three dimensions is measured in 25 images from displaced poses: points found to a fraction of a pixel,
 # carried back with the planned pose, fitted. `benchmarks/images/dimension_images.py` does this for fifteen dimensions
-# of two parts, 300 poses and three models of localisation. A promise counts an error of 0.05 px that all points of a line
-# share. Where it is smaller in the images, more values hold than were promised.
+# of two parts, 300 poses and three models of localisation. A promise counts an error of 0.05 px that all points of a
+# line share. Where it is smaller in the images, more values hold than were promised.
 
 # %%
 N = 25
