@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -481,6 +482,11 @@ class InspectionPlan(PlanTables):
             JSON.
         """
         return json.dumps(encoded(self.to_dict()), indent=1, allow_nan=False) + "\n"
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of what the plan's file holds, 64 hexadecimal digits."""
+        return hashlib.sha256(self.file_text().encode()).hexdigest()
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, InspectionPlan):

@@ -42,7 +42,7 @@ from planner.files import (
 from planner.identity import PartRecord
 from planner.measuring.measurer import MeasureOptions, Measurer
 from planner.measuring.registration import Registration
-from planner.measuring.rehearsal import TRUTH, Rehearsal, Truth, digest_of_plan
+from planner.measuring.rehearsal import TRUTH, Rehearsal, Truth
 from planner.measuring.results import FORMAT, MeasurementResults
 from planner.measuring.task import REPEATABILITY
 from planner.plan import read_plan
@@ -268,7 +268,7 @@ def _other_rendering(plan: InspectionPlan, path: Path) -> str:
         truth = from_plain(Truth, read_json(path, "file"), PlanFileError)
     except PlanFileError:
         return "which 'render' did not write"
-    return "" if truth.plan_digest == digest_of_plan(plan) else "which is of another plan"
+    return "" if truth.plan_digest == plan.digest else "which is of another plan"
 
 
 def _write(results: MeasurementResults, folder: Path, with_qif: bool) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 from collections.abc import Collection, Mapping
@@ -1119,8 +1118,7 @@ class Measurer:
             images=dict(found.digests),
             date=timestamp(),
             operator=operator,
-            plan_digest=self._given_digest
-            or hashlib.sha256(self.plan.file_text().encode()).hexdigest(),
+            plan_digest=self._given_digest or self.plan.digest,
             camera=self.plan.camera,
         )
 

@@ -8,12 +8,11 @@ part looks.
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import json
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
@@ -107,7 +106,7 @@ class Truth:
     white_level : int
         Grey value of full exposure.
     plan_digest : str
-        Of the plan, see `digest_of_plan`; empty in older files.
+        Of the plan's file, SHA-256; empty in older files.
     """
 
     seed: int
@@ -121,22 +120,6 @@ class Truth:
     response: str = LINEAR.text
     white_level: Annotated[int, Meta(gt=0, title="must be a number above 0")] = _WHITE
     plan_digest: str = ""
-
-
-def digest_of_plan(plan: InspectionPlan) -> str:
-    """Return the SHA-256 of a plan, whenever and by whomever it was made.
-
-    Parameters
-    ----------
-    plan : InspectionPlan
-        The plan.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits.
-    """
-    return hashlib.sha256(replace(plan, made=None).file_text().encode()).hexdigest()
 
 
 class Rendered(NamedTuple):
@@ -579,7 +562,7 @@ class Rehearsal:
             {shot.name: poses[shot.setting] for shot in self._shots},
             response=self._response.text,
             white_level=plan.camera.white_level or _WHITE,
-            plan_digest=digest_of_plan(plan),
+            plan_digest=plan.digest,
         )
 
     def __repr__(self) -> str:

@@ -271,7 +271,7 @@ class Target(ABC):
     @property
     def has_corners(self) -> bool:
         """Whether the value is measured from corner to corner: that of an edge, and a dimension that is a length."""
-        return self.in_image or bool(self.measurand.in_image)
+        return bool(self.measurand.in_image)
 
     @property
     def tolerance(self) -> tuple[float, float] | None:
