@@ -6,14 +6,25 @@ from contextlib import suppress
 
 import numba
 import numpy as np
+import pytest
 
 from planner import progress
+from planner.executors import usable_cores
 
 # a slow machine must not add lines to what commands print: their tests compare it
 progress._FIRST_WORD_S = 1e6
 
 # a parallel run sets it, and what commands print would be broken at this width
 os.environ.pop("COLUMNS", None)
+
+# one core for each worker: plans then start no processes of their own, which would only wait for each other
+# what needs more is marked `all_cores`
+ALL_CORES = usable_cores()
+_worker = os.environ.get("PYTEST_XDIST_WORKER")
+_cores = sorted(os.sched_getaffinity(0)) if _worker and hasattr(os, "sched_setaffinity") else []
+_own_core = _cores[int(_worker.removeprefix("gw")) % len(_cores)] if _cores else None
+if _cores:
+    os.sched_setaffinity(0, {_own_core})
 
 # in this order they come first: a file of long tests that begins last would leave the other workers without work
 LONG_FILES = (
@@ -73,3 +84,14 @@ OF_THE_KERNEL = "tests/aspectgraph/read/"
 def pytest_runtest_setup(item):
     """Let tests of the STEP kernel's process start one, and others use what it told an earlier test."""
     remember(not item.nodeid.startswith(OF_THE_KERNEL))
+    if item.get_closest_marker("all_cores"):
+        if ALL_CORES < 2:
+            pytest.skip("needs two cores")
+        if _cores:
+            os.sched_setaffinity(0, _cores)
+
+
+def pytest_runtest_teardown(item):
+    """Give a worker its one core again."""
+    if _cores and item.get_closest_marker("all_cores"):
+        os.sched_setaffinity(0, {_own_core})

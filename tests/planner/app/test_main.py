@@ -142,8 +142,10 @@ def test_a_graph_beyond_the_memory_limit_is_one_line(folder, capsys):
     assert not (folder / "g.graphml").exists()
 
 
+@pytest.mark.all_cores
 def test_plan_leaves_all_its_files_and_repeats(folder, quick, capsys):
-    assert main([*PLAN, "--simulate", "500", "--operator", "A. Meyer"]) == DONE
+    """With two processes and with one."""
+    assert main([*PLAN, "--simulate", "500", "--operator", "A. Meyer", "--jobs", "2"]) == DONE
     captured = capsys.readouterr()
     assert "4 of 4 entities inspected from 2 settings, proven to be the fewest." in captured.out
     assert "genetic algorithm" not in captured.out
@@ -166,7 +168,7 @@ def test_plan_leaves_all_its_files_and_repeats(folder, quick, capsys):
     assert (folder / "out" / "measurements.csv").read_bytes().decode() == read_plan(
         folder / "out/plan.json"
     ).to_csv()
-    assert main([*PLAN, "--simulate", "500", "--operator", "A. Meyer"]) == DONE
+    assert main([*PLAN, "--simulate", "500", "--operator", "A. Meyer", "--jobs", "1"]) == DONE
     assert (folder / "out" / "plan.json").read_bytes() == first
 
     capsys.readouterr()

@@ -15,7 +15,6 @@ import pytest
 from planner.app import plan_commands as commands
 from planner.app.main import termination_as_interruption
 from planner.app.process import shortage, write_fault
-from planner.executors import usable_cores
 from planner.files import absolute, path_text
 from planner.plan import read_plan
 from planner.progress import terminal_progress
@@ -319,9 +318,8 @@ def _is_running(pid):
         return False
 
 
-@pytest.mark.skipif(
-    sys.platform != "linux" or usable_cores() < 2, reason="workers of Linux, and two of them"
-)
+@pytest.mark.all_cores
+@pytest.mark.skipif(sys.platform != "linux", reason="workers of Linux")
 def test_no_worker_outlives_a_parent_that_is_killed():
     parent = subprocess.Popen([sys.executable, "-c", _PARENT], stdout=subprocess.PIPE, text=True)
     workers = [int(pid) for pid in parent.stdout.readline().split()]
@@ -351,9 +349,8 @@ with termination_as_interruption(), commands._executor(2) as executor:
 """
 
 
-@pytest.mark.skipif(
-    os.name != "posix" or usable_cores() < 2, reason="groups of processes, and two workers"
-)
+@pytest.mark.all_cores
+@pytest.mark.skipif(os.name != "posix", reason="groups of processes")
 def test_workers_go_on_when_the_whole_group_is_terminated():
     """As `timeout` does: the parent ends the search, and needs them for the plan that is kept."""
     done = subprocess.run(
