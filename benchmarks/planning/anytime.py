@@ -15,8 +15,8 @@ A rival is *ahead* at a time if so many of its entities are supported as of the 
 fewer settings by more than one, or if there is no incumbent. Printed is for how long, and after what share of the time
 of the greedy cover a plan has as many supported, has them in no more settings, and has them in as many of its settings.
 Seconds are processor time, threads added up, so that other work on the machine does not count; the limit is of wall
-time. Products of matrices get one thread, as on the command line. Memory is the largest resident size of the process up
-to the end of plan_inspection; every part has a process of its own.
+time, of which counting takes nothing. Products of matrices get one thread, as on the command line. Memory is the
+largest resident size of the process up to the end of plan_inspection; every part has a process of its own.
 
 Rivals do not depend on plan_inspection: ``--rivals FILE`` takes their points from such a file.
 
@@ -166,27 +166,29 @@ def judge_of(case: Case, folder: Path) -> tuple[Judge, float]:
 
 def curve(case: Case, judge: Judge, limit_s: float | None) -> list[Point]:
     """Return the incumbents of plan_inspection."""
-    points = []
     space = judge.space
+    incumbents: list[tuple[float, InspectionPlan]] = []
     start = time.process_time()
-    checking = [0.0]
-
-    def take(plan: InspectionPlan) -> None:
-        seconds = time.process_time() - start - checking[0]
-        seen = [(setting.cam2world, setting.entities) for setting in plan.settings]
-        counts = len(plan.settings), len(plan.inspected), supported(judge, seen)
-        points.append(Point(seconds, *counts, plan.lower_bound, tuple(names for _, names in seen)))
-        checking[0] = time.process_time() - start - seconds
-
     plan_inspection(
         space.solid,
         {name: space.entities[name] for name in space.entity_names},
         judge.camera,
         UNCERTAINTY,
-        case.options(space=space, time_limit_s=limit_s, on_incumbent=take),
+        case.options(
+            space=space,
+            time_limit_s=limit_s,
+            on_incumbent=lambda plan: incumbents.append((time.process_time() - start, plan)),
+        ),
         accuracy=judge.accuracy,
         probability=PROBABILITY,
     )
+    # counted afterwards, which takes none of the limit; most settings are in many incumbents
+    shown = Shown(judge)
+    points = []
+    for seconds, plan in incumbents:
+        seen = [(setting.cam2world, setting.entities) for setting in plan.settings]
+        counts = len(plan.settings), len(plan.inspected), supported(shown, seen)
+        points.append(Point(seconds, *counts, plan.lower_bound, tuple(names for _, names in seen)))
     return points
 
 
@@ -203,19 +205,31 @@ def rival(judge: Judge, name: str) -> Point:
         for pose, own in zip(poses, inspects, strict=True)
         if (names := tuple(np.array(judge.names)[own].tolist()))
     ]
-    return Point(seconds, len(poses), int(inspects.any(axis=0).sum()), supported(judge, seen))
+    return Point(
+        seconds, len(poses), int(inspects.any(axis=0).sum()), supported(Shown(judge), seen)
+    )
 
 
-def supported(judge: Judge, seen: list[tuple[np.ndarray, tuple[str, ...]]]) -> int:
+class Shown:
+    """What poses show, counted over displaced poses, each once."""
+
+    def __init__(self, judge: Judge) -> None:
+        self.judge = judge
+        self._counted: dict[tuple[bytes, tuple[str, ...]], set[str]] = {}
+
+    def of(self, pose: np.ndarray, names: tuple[str, ...]) -> set[str]:
+        """Return which of these entities a pose inspects with the required probability."""
+        key = pose.tobytes(), names
+        if key not in self._counted:
+            counts = joint_counts(self.judge, pose, names, SEED, COUNTED)
+            shares = zip(counts.names, counts.successes, strict=True)
+            self._counted[key] = {name for name, n in shares if n >= PROBABILITY * counts.n}
+        return self._counted[key]
+
+
+def supported(shown: Shown, seen: list[tuple[np.ndarray, tuple[str, ...]]]) -> int:
     """Return how many entities have the required probability, counted from a pose that is said to inspect them."""
-    found: set[str] = set()
-    for pose, names in seen:
-        left = tuple(name for name in names if name not in found)
-        if left:
-            counts = joint_counts(judge, pose, left, SEED, COUNTED)
-            shares = dict(zip(counts.names, counts.successes, strict=True))
-            found |= {name for name in left if shares[name] >= PROBABILITY * counts.n}
-    return len(found)
+    return len(set().union(*(shown.of(pose, names) for pose, names in seen)))
 
 
 def ahead_s(other: Point, ours: list[Point]) -> float:
