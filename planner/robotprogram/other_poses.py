@@ -24,7 +24,6 @@ from planner.robotprogram.program import (
     NEAR_SINGULAR,
     RobotProgram,
     Stop,
-    plan_digest,
 )
 from planner.search.columns import Judge, perturbed
 from planner.search.plan_setting import setting_at
@@ -495,7 +494,7 @@ def program_with_other_poses(
             replaced.update(again)
     driven = as_driven(with_settings(plan, replaced, solid), made, cell)
     words = {k: str(other_setting) for k, other_setting in sorted(replaced.items())}
-    digests = {**made.digests, "plan": plan_digest(driven)}
+    digests = {**made.digests, "plan": driven.digest}
     return replace(made, replaced=words, plan=driven, digests=digests)
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +22,10 @@ from ground.convert import (
 )
 from planner.argument_kinds import shown
 from planner.exceptions import PlanFileError
-from planner.files import encoded, read_json
+from planner.files import read_json
 from planner.robotcell.arm import ControllerAxes
 from planner.verify.simulate_plan import promises_too_much
 from planner.verify.simulate_setting import SuccessRate
-
-if TYPE_CHECKING:
-    from planner.plan import InspectionPlan
 
 Vector = Annotated[NDArray[np.float64], Shape(None)]
 Share = Annotated[float, Meta(ge=0, le=1, title="must be from 0 to 1")]
@@ -192,18 +187,6 @@ LEAST_SPEED = 0.001
 TURNTABLE = "turntable"
 """Name of the column of its angle."""
 _UNITS = {"joints": "rad", "time": "s", "length": "mm", "flange": "tip to base"}
-
-
-def plan_digest(plan: InspectionPlan) -> str:
-    """Return the SHA-256 of what a plan's file says.
-
-    Parameters
-    ----------
-    plan : InspectionPlan
-        The plan.
-    """
-    text = json.dumps(encoded(plan.to_dict()), sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 @dataclass(frozen=True, eq=False)
@@ -441,7 +424,7 @@ class RobotProgram:
     coverage : tuple of int
         Number of settings that one fixturing reaches, that two reach, and so on.
     digests : mapping of str to str
-        Digests of plan, part and cell.
+        Digests of plan, part and cell. That of the plan is the SHA-256 of its file.
     start : HomeStart
         How near home the robot must stand.
     home_flange : array (4, 4) or None

@@ -44,7 +44,6 @@ from planner.robotprogram.program import (
     RobotProgram,
     Stop,
     StopRate,
-    plan_digest,
     program_warnings,
 )
 from planner.travel import EXACT_UP_TO, quick_length, shortest_tour
@@ -864,7 +863,7 @@ class _ProgramMaker:
         return Stop(k, flange, move, state, covariance, stated, rates)
 
     def _digests(self) -> dict[str, str]:
-        digests = {"plan": plan_digest(self._plan)}
+        digests = {"plan": self._plan.digest}
         part = self._plan.request.part
         if part is not None:
             digests["part"] = part.digest
