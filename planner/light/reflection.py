@@ -44,7 +44,8 @@ _NUMBERS = 4
 _LIFT = 1e-5
 # a point of the light is reached if nothing is met before this share of the way
 _NEARLY = 1 - 1e-4
-_BLOCK = 500_000
+# paths at a time, whose numbers stay in the cache of a core
+_BLOCK = 20_000
 _TINY = 1e-12
 
 RAYS = 256
@@ -260,9 +261,8 @@ class CarriedEmitter:
         """Return the lights of some of the cameras (k,), in that order."""
         return CarriedEmitter(self.emitter, self.poses[which])
 
-    def points(self, numbers: Array) -> Array:
-        """Return points (n, 3), mm."""
-        local = self.emitter.points(numbers)
+    def placed(self, local: Array) -> Array:
+        """Return where points (n, 3) of the camera's frame are, mm."""
         turned = np.einsum("nij,nj->ni", self.poses[:, :3, :3], local)
         return np.asarray(self.poses[:, :3, 3] + turned)
 
@@ -273,9 +273,18 @@ class CarriedEmitter:
         return self.emitter.met(local, np.einsum("nji,nj->ni", turns, ways))
 
 
-def _light_of(light: AreaEmitter, places: NDArray[np.int_]) -> AreaEmitter:
+def _light_of(
+    light: AreaEmitter | CarriedEmitter, places: NDArray[np.int_]
+) -> AreaEmitter | CarriedEmitter:
     """Return the light of places with these numbers."""
     return light.of(places) if isinstance(light, CarriedEmitter) else light
+
+
+def _points_of(light: AreaEmitter | CarriedEmitter, numbers: Array, row: NDArray[np.int_]) -> Array:
+    """Return a point (n, 3) of the light for each row (n,) of numbers (k, 2), mm; many share a row."""
+    if isinstance(light, CarriedEmitter):
+        return light.placed(light.emitter.points(numbers)[row])
+    return light.points(numbers)[row]
 
 
 class Places(NamedTuple):
@@ -288,7 +297,7 @@ class Places(NamedTuple):
 
 def brightness(
     scene: RayScene,
-    light: AreaEmitter,
+    light: AreaEmitter | CarriedEmitter,
     places: Places,
     material: Material,
     rays: int = RAYS,
@@ -303,8 +312,8 @@ def brightness(
     ----------
     scene : RayScene
         Of the part.
-    light : AreaEmitter
-        The light.
+    light : AreaEmitter or CarriedEmitter
+        The light, or the n lights of as many cameras.
     places : Places
         n places.
     material : Material
@@ -319,14 +328,19 @@ def brightness(
     array, shape (n,)
         The same for the same arguments.
     """
-    numbers = _numbers(rays, bounces)
     total = np.zeros(len(places.points))
+    if not len(total):
+        return total
+    numbers = _numbers(rays, bounces)
+    first_row = np.zeros(1, np.int_)
+    middle = _points_of(_light_of(light, first_row), np.full((1, 2), 0.5), first_row)
+    lift = _LIFT * float(np.linalg.norm(middle - places.points[:1]))
     size = max(1, _BLOCK // len(numbers))
     for first in range(0, len(total), size):
         block = slice(first, first + size)
         part = Places(*(values[block] for values in places))
         of_block = _light_of(light, np.arange(len(total))[block])
-        total[block] = _brightness(scene, of_block, part, material, numbers)
+        total[block] = _brightness(scene, of_block, part, material, numbers, lift)
     return total
 
 
@@ -357,7 +371,12 @@ class _Paths:
 
 
 def _brightness(
-    scene: RayScene, light: AreaEmitter, places: Places, material: Material, numbers: Array
+    scene: RayScene,
+    light: AreaEmitter | CarriedEmitter,
+    places: Places,
+    material: Material,
+    numbers: Array,
+    lift: float,
 ) -> Array:
     n = len(places.points)
     rows = len(numbers)
@@ -369,15 +388,15 @@ def _brightness(
         np.repeat(np.arange(n), rows),
         np.tile(np.arange(rows), n),
     )
-    middle = _light_of(light, np.zeros(1, np.int_)).points(np.full((1, 2), 0.5))
-    lift = _LIFT * float(np.linalg.norm(middle - places.points[:1]))
     total = np.zeros(n)
     for depth in range(numbers.shape[1] // _NUMBERS):
-        drawn = numbers[paths.row, _NUMBERS * depth : _NUMBERS * (depth + 1)]
+        to_light, on_surface = np.split(
+            numbers[:, _NUMBERS * depth : _NUMBERS * (depth + 1)], [2], 1
+        )
         starts = paths.points + lift * paths.normals
         near = _light_of(light, paths.owner)
-        direct = _to_light(scene, near, paths, starts, material, drawn[:, :2])
-        scattered, paths_on = _scattered(scene, near, paths, starts, material, drawn[:, 2:])
+        direct = _to_light(scene, near, paths, starts, material, to_light)
+        scattered, paths_on = _scattered(scene, near, paths, starts, material, on_surface)
         total += np.bincount(paths.owner, paths.share * (direct + scattered), minlength=n)
         paths = paths_on
     return total
@@ -385,14 +404,14 @@ def _brightness(
 
 def _to_light(
     scene: RayScene,
-    light: AreaEmitter,
+    light: AreaEmitter | CarriedEmitter,
     paths: _Paths,
     starts: Array,
     material: Material,
     numbers: Array,
 ) -> Array:
     """Return what points of the light give each path, (n,)."""
-    way = light.points(numbers) - starts
+    way = _points_of(light, numbers, paths.row) - starts
     way /= np.maximum(_lengths(way)[:, None], _TINY)
     distance, shining = light.met(starts, way)
     value, density = material.scattered(paths.normals, paths.views, way)
@@ -408,14 +427,14 @@ def _to_light(
 
 def _scattered(
     scene: RayScene,
-    light: AreaEmitter,
+    light: AreaEmitter | CarriedEmitter,
     paths: _Paths,
     starts: Array,
     material: Material,
     numbers: Array,
 ) -> tuple[Array, _Paths]:
     """Return what the light gives each path (n,) along the way that the surface scatters, and the paths that go on."""
-    way, factor = material.drawn(paths.normals, paths.views, numbers)
+    way, factor = material.drawn(paths.normals, paths.views, numbers[paths.row])
     hit = scene.cast(starts, way)
     depth = hit["t_hit"].astype(np.float64)
     distance, shining = light.met(starts, way)
@@ -647,9 +666,10 @@ class Annulus:
     def met(self, origins: Array, ways: Array) -> tuple[Array, Array]:
         """Return where rays meet the ring from before it."""
         cosine = -(ways @ self.axis)
-        height = (origins - self.centre) @ self.axis
+        local = origins - self.centre
+        height = local @ self.axis
         distance = height / np.maximum(cosine, _TINY)
-        ends = origins - self.centre + distance[:, None] * ways
-        radius = np.linalg.norm(ends, axis=1)
+        ends = local + distance[:, None] * ways
+        radius = _lengths(ends)
         meets = (cosine > 0) & (height > 0) & (radius >= self.inner_mm) & (radius <= self.outer_mm)
         return np.where(meets, distance, np.inf), np.where(meets, cosine, 0.0)
