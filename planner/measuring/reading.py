@@ -13,12 +13,7 @@ from numpy.typing import NDArray
 
 from aspectgraph.entities.entity_rules import PARAMETERS
 from errors.checks import covariance_root
-from errors.measurands import (
-    Circle,
-    Geometry,
-    Line,
-    Measurand,
-)
+from errors.measurands import Circle, Geometry, Line, Measurand
 from errors.measurands.geometry import Frame
 from errors.measurands.measurand import COVERAGE
 from errors.registration import rests_on_prior, variance_by_input
@@ -434,6 +429,8 @@ def entity_scale(
     geometry: Geometry, frame: Frame, places: Array, across: Array, pose: Array, camera: Camera
 ) -> Array:
     """Return how many pixels across an entity's image a millimetre across it is (m,)."""
+    if not len(places):
+        return np.empty(0)
     if isinstance(geometry, Line):
         way = np.tile(frame.y, (len(places), 1))
     else:

@@ -313,6 +313,11 @@ def register(
         # where little is found, half of an edge may be what is left
         other = _best(task, pictures, start._replace(late=0))
         outcome = other if other[0].accepted else outcome
+    if outcome[0].convincing and not outcome[0].accepted:
+        # a shadow next to an edge can turn the pose as far as it is found in the edge's place
+        out = outcome[0].disagreeing
+        alone = _attempted(task, pictures, start, task.samples.edge, out)
+        outcome = (alone, alone.lamps) if alone.accepted else outcome
     attempt, lamps = outcome
     estimate, variance = _stated(attempt)
     evidence = ImageEvidence.of(

@@ -59,6 +59,8 @@ _BESIDE = np.array([3.0, 4.5, 6.0])
 _BESIDE_LEAST_PX = np.array([2.5, 3.75, 5.0])
 # px: what moves an edge by more is the other side of a broken edge, or a shadow, and no slope of light
 _MOST_BY_SLOPES_PX = 0.1
+# steps below this share of their edge's count only where slopes are known to move them little
+_FADING_SHARE = 0.5
 # how far slopes are looked at: those of blurs up to 1.5 px
 _SLOPES_PX = 9.0
 # slopes of the halves of this differ by so many standard deviations of the noise over its width by chance
@@ -270,14 +272,51 @@ def find_edges(
     )
     middle = np.full(len(grey), -around[0])
     steps = np.where(found, step, 0.0)
-    offset[found] -= shift_by_slopes(grey, middle, blur, steps, noise, centres)[found]
+    by_slopes = shift_by_slopes(grey, middle, blur, steps, noise, centres)
+    offset[found] -= by_slopes.px[found]
+    state[found & _fades(steps, by_slopes.sure, centres)] = State.WEAK
     return Scans(offset, state, step / white, blur)
+
+
+def _fades(step: Array, sure: NDArray[np.bool_], places: Array) -> NDArray[np.bool_]:
+    """Return where an edge ends in a slope: samples (m,) at places (m, 2), px, from an open end of it on.
+
+    A wall that turns away from the camera darkens towards the end of its arc. There steps vanish in slopes that are not
+    known. So steps do not count that are less than half of the median of their edge, and not sure.
+    """
+    size = np.abs(step)
+    result = np.zeros(len(step), dtype=bool)
+    for run in _runs(places):
+        seen = size[run][size[run] > 0]
+        is_closed = len(run) > 2 and np.linalg.norm(places[run[0]] - places[run[-1]]) <= _NEXT_PX
+        if is_closed or not len(seen):
+            continue
+        is_weak = (size[run] < _FADING_SHARE * np.median(seen)) & ~sure[run]
+        for way in (run, run[::-1]):
+            lost = is_weak if way is run else is_weak[::-1]
+            result[way[: len(lost) if lost.all() else int(np.argmin(lost))]] = True
+    return result
+
+
+class BySlopes(NamedTuple):
+    """How far slopes of light move the steepest place of scans (m).
+
+    Attributes
+    ----------
+    px : array (m,)
+        How far, as far as it is known, px.
+    sure : array of bool (m,)
+        Whether that is all: slopes are seen, and move the place by no more than 0.05 px.
+    """
+
+    px: Array
+    sure: NDArray[np.bool_]
 
 
 def shift_by_slopes(
     grey: Array, at_px: Array, blur_px: Array, step: Array, noise: float, places: Array
-) -> Array:
-    """Return how far the steepest place of scans is off their edge because light beside it rises or falls, px.
+) -> BySlopes:
+    """Return how far the steepest place of scans is off their edge because light beside it rises or falls.
 
     Let a step A be at 0, with slopes a before it and b after it, and s² be the variance of blur, sampling and the
     gradient's filter. The gradient A φ(t/s)/s + a Φ(-t/s) + b Φ(t/s) is largest at t = s² (b - a) / A. Walls of bores
@@ -303,7 +342,7 @@ def shift_by_slopes(
 
     Returns
     -------
-    array (m,)
+    BySlopes
         0 where the image does not reach far enough, and where it would be more than 0.1 px: the other side of a broken
         edge does that. Less from half of this on.
     """
@@ -324,7 +363,12 @@ def shift_by_slopes(
     bends = np.where(even > 0, variance * bend, 0.0)
     moment = _mean_along(even * bends * step, places)
     shift = even * np.where(weight > 0, moment / np.where(weight > 0, weight, 1.0), 0.0)
-    return _share_below(np.abs(shift), _MOST_BY_SLOPES_PX) * shift
+    whole = np.abs(
+        _mean_along(variance * bend * step, places)
+        / np.maximum(_mean_along(step**2, places), 1e-12)
+    )
+    sure = np.isfinite(whole) & (whole <= _MOST_BY_SLOPES_PX / 2)
+    return BySlopes(_share_below(np.abs(shift), _MOST_BY_SLOPES_PX) * shift, sure)
 
 
 def _share_below(value: Array, limit: Array | float) -> Array:
@@ -338,10 +382,15 @@ def _mean_along(value: Array, places: Array) -> Array:
     Light beside an edge changes slowly along it. What differs between neighbours is noise, texture, or facets.
     """
     result = np.array(value)
-    gaps = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    for run in np.split(np.arange(len(value)), np.flatnonzero(gaps > _NEXT_PX) + 1):
+    for run in _runs(places):
         result[run] = uniform_filter1d(value[run], _MEAN_OF, mode="nearest")
     return result
+
+
+def _runs(places: Array) -> list[NDArray[np.int64]]:
+    """Return the numbers of places (m, 2), px, that follow each other along an edge without a gap."""
+    gaps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    return np.split(np.arange(len(places)), np.flatnonzero(gaps > _NEXT_PX) + 1)
 
 
 def _between(grey: Array, at_px: Array) -> Array:

@@ -346,6 +346,8 @@ def _grey(picture: Picture, edges: Array, across: Array, beside_px: float) -> Ar
     return np.asarray(grey[:, at].T / picture.white)
 
 
+LEAST_AGREEING = 0.9
+"""Share of what is found of an edge that must be on one line, where the pose would be improbable."""
 LEAST_SHARE = 0.6
 """Share of the samples that must be found where the registered part has them.
 
@@ -476,6 +478,17 @@ class Attempt:
     def accepted(self) -> bool:
         """Whether it is convincing, and as near to the planned pose as it should be."""
         return self.convincing and self.chi2 <= MOST_CHI2
+
+    @property
+    def disagreeing(self) -> list[Bools]:
+        """Samples (m,) of each image on edges of which more than a tenth of what is found is somewhere else."""
+        edges = self.task.samples.edge
+        result = []
+        for scan, agree in zip(self.scan.scans, self.agreeing, strict=True):
+            agreeing = np.bincount(edges, agree, len(self.task.edges))
+            offered = np.bincount(edges, scan.good, len(self.task.edges))
+            result.append(np.asarray((agreeing < LEAST_AGREEING * offered)[edges]))
+        return result
 
     @cached_property
     def _shown(self) -> Shown | None:

@@ -86,6 +86,42 @@ def test_another_shift_that_fits_as_well_asks_for_more(task, share, lead, convin
     assert attempt_of(task, found, light, lead=lead).convincing == convincing
 
 
+def test_edges_disagree_of_which_more_than_a_tenth_is_found_somewhere_else(task):
+    every = first(task, 1.0)
+    attempt = attempt_of(task, every)
+    counts = np.bincount(task.samples.edge)
+    off, nearly = np.argsort(counts)[-2:]
+    offset = attempt.scan.scans[0].offset
+    offset[np.flatnonzero(task.samples.edge == off)[: counts[off] // 5]] = 1.0
+    offset[np.flatnonzero(task.samples.edge == nearly)[: counts[nearly] // 20]] = 1.0
+    assert (attempt.disagreeing[0] == (task.samples.edge == off)).all()
+
+
+def test_a_pose_that_a_shadow_turned_is_searched_without_its_edge(monkeypatch, picture):
+    """A first result that is 9 standard deviations off, and an edge of which a fifth was found somewhere else."""
+    model = PartModel(thick_plate(), {})
+    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02, CAMERA)
+    best = registering._best
+    turned = []
+
+    def turn(task, pictures, start):
+        attempt, lamps = best(task, pictures, start)
+        attempt.scan.x[3] = 9 * np.sqrt(prior[3, 3])
+        edge = np.bincount(task.samples.edge).argmax()
+        on_it = np.flatnonzero(task.samples.edge == edge)
+        attempt.scan.scans[0].offset[on_it[: len(on_it) // 5]] += 2.0
+        attempt.__dict__.pop("agreeing", None)
+        turned.append(attempt)
+        return attempt, lamps
+
+    monkeypatch.setattr(registering, "_best", turn)
+    registered = registering.register(model, [picture], POSES[0], prior)
+    assert not turned[0].accepted
+    assert turned[0].disagreeing[0].any()
+    assert registered.chi2 < 30
+    assert registered.misfit_px < 0.1
+
+
 # The lamp that explains an image: found where it was, and refuted by edges that it shows and that
 # are not there.
 
