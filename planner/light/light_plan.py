@@ -46,7 +46,8 @@ class Exposure(NamedTuple):
     radius_px : int
         Radius of the region; 0 for the pixel alone.
     share : float
-        Share of white that the mean of the region should have. The brightest point next to an edge then has 80 %.
+        Share of white that the mean of the region should have. The brightest point next to an edge then has 80 %, or
+        less where much of the image would be overexposed, see `white_share`.
     """
 
     target: str
@@ -307,6 +308,15 @@ _REGION_PX = 10
 _EVEN = 0.9
 # a region's share of white is at most this, so that it is not overexposed itself
 _MOST_WHITE = 0.9
+# where more of what is lit would be overexposed, there is less light, down to this share
+_MOST_OVEREXPOSED = 0.3
+_LEAST_LIGHT = 1 / 3
+# the same is then nearly white, but for a twentieth of it
+_NEARLY_WHITE = 0.95
+# less than this share of the brightest light next to targets is no light of lamps
+_LEAST_LIT = 0.1
+# pixels that are looked at for this
+_FEW_PIXELS = 2_000
 # pixels that are looked at in an image, and so many within reach of one
 _MOST_PIXELS = 20_000
 _WITHIN = 3
@@ -370,35 +380,61 @@ def exposure(
     weakest = next(name for name, value in dimmest.items() if value <= (1 + _SAME) * darkest)
     u, v = np.rint(brightest[target][1]).astype(int).tolist()
     times = brightest_light / darkest if darkest > 0 else np.inf
-    exposed = Exposure(target, (u, v), weakest, float(f"{times:.{_DIGITS}g}"))
-    if spread_px <= 0:
-        return exposed
 
     def light_at(pixels: Array) -> Array:
         return irradiance(scene, cam2world, camera, pixels, lamps) / brightest_light
 
+    _, few = _grid(camera, _FEW_PIXELS)
+    white = white_share(light_at(few.reshape(-1, 2)))
+    exposed = Exposure(target, (u, v), weakest, float(f"{times:.{_DIGITS}g}"), share=white)
+    if spread_px <= 0:
+        return exposed
     reach = _REGION_PX + spread_px
     for _ in range(_HALVINGS):
         region = _even_region(light_at, camera, reach)
         if region is not None:
             pixel, share = region
-            return exposed._replace(pixel=pixel, radius_px=_REGION_PX, share=share)
+            of_region = float(f"{share * white:.2g}")
+            return exposed._replace(pixel=pixel, radius_px=_REGION_PX, share=of_region)
         reach /= 2
     return exposed
+
+
+def white_share(light: Array) -> float:
+    """Return the share of white that the brightest place next to targets should have.
+
+    It is 80 %, or less where the light next to them is so weak that more than 30 % of what is lit would be overexposed.
+    The edges there are needed to register the image. It is not less than a third of 80 %, so that the targets are seen.
+
+    Parameters
+    ----------
+    light : array (...)
+        Light of places all over the image, in that of the brightest place next to targets.
+    """
+    lit = light[light > _LEAST_LIT]
+    if not len(lit) or np.mean(WHITE_SHARE * lit > 1) <= _MOST_OVEREXPOSED:
+        return WHITE_SHARE
+    bright = float(np.quantile(lit, _NEARLY_WHITE))
+    return float(f"{max(WHITE_SHARE * _LEAST_LIGHT, min(WHITE_SHARE, _NEARLY_WHITE / bright)):.2g}")
+
+
+def _grid(camera: Camera, n_pixels: int, least_step: float = 1.0) -> tuple[float, Array]:
+    """Return the step, px, and pixels (h, w, 2) all over an image, at most about so many."""
+    width, height = camera.resolution
+    step = max(least_step, math.sqrt(width * height / n_pixels))
+    u = np.arange(step / 2, width - 1, step)
+    v = np.arange(step / 2, height - 1, step)
+    return step, np.stack(np.meshgrid(u, v), axis=-1)
 
 
 def _even_region(
     light_at: Callable[[Array], Array], camera: Camera, reach: float
 ) -> tuple[tuple[int, int], float] | None:
-    """Return the middle of a region that is lit up to a reach around it, px, and its share of white.
+    """Return the middle of a region that is lit up to a reach around it, px, and its share of the brightest light.
 
     Of evenly lit ones it is the brightest, otherwise the evenest. None if there is none.
     """
-    width, height = camera.resolution
-    step = max(reach / _WITHIN, math.sqrt(width * height / _MOST_PIXELS))
-    u = np.arange(step / 2, width - 1, step)
-    v = np.arange(step / 2, height - 1, step)
-    grid = np.stack(np.meshgrid(u, v), axis=-1)
+    step, grid = _grid(camera, _MOST_PIXELS, reach / _WITHIN)
     light = light_at(grid.reshape(-1, 2)).reshape(grid.shape[:2])
     size = 2 * math.ceil(reach / step) + 1
     low = minimum_filter(light, size, mode="constant", cval=0.0)
@@ -411,8 +447,7 @@ def _even_region(
     at = int(np.argmax(np.round(worth / _SAME).ravel()))
     pixel = np.rint(grid.reshape(-1, 2)[at]).astype(int).tolist()
     # the darkest place around it counts, so that nothing beside edges is overexposed
-    share = WHITE_SHARE * float(low.ravel()[at])
-    return (pixel[0], pixel[1]), float(f"{share:.2g}")
+    return (pixel[0], pixel[1]), float(low.ravel()[at])
 
 
 def spread_px(plan: Planned, cam2world: Array, points: Array) -> float:

@@ -30,7 +30,7 @@ from planner.camera.camera import Camera, tangents_of
 from planner.camera.response import LINEAR, Response
 from planner.files import staged_folder, write_text
 from planner.light.area_light import AreaLight
-from planner.light.light_plan import WHITE_SHARE, beside
+from planner.light.light_plan import beside, white_share
 from planner.measuring.fit import fit_entities
 from planner.measuring.images import Shot
 from planner.measuring.measurer import Measurer, whole_targets, witness_key
@@ -82,8 +82,6 @@ _ALIKE = 0.1
 _MET = 1e-9
 # cosine of the angle up to which a round surface counts as tangent to a plane, 8 degrees
 _TANGENT = 0.99
-# the weakest and the brightest places beside edges are noise
-_BRIGHTEST = 0.99
 
 
 @dataclass(frozen=True)
@@ -601,8 +599,8 @@ class Rehearsal:
                 lambda: report(progress, next(steps), every, _RENDERING),
             )
             # as a person sets the exposure: by the brightest place beside what is measured
-            exposed = WHITE_SHARE * grey / max(self._bright(shot, grey, pose), 1e-9)
-            yield Rendered(shot, self._levels(exposed), pose)
+            light = grey / max(self._bright(shot, grey, pose), 1e-9)
+            yield Rendered(shot, self._levels(white_share(light) * light), pose)
 
     def _levels(self, light: Array) -> NDArray[np.uint8 | np.uint16]:
         """Return grey values as the camera states them: of its response, up to its white."""
@@ -698,4 +696,4 @@ class Rehearsal:
             u, v = pixels[inside].astype(int).T
             levels.append(grey[v, u])
         values = np.concatenate(levels) if levels else grey.ravel()
-        return float(np.quantile(values, _BRIGHTEST)) if len(values) else float(grey.max())
+        return float(values.max(initial=0.0)) or float(grey.max())

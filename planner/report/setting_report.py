@@ -223,16 +223,17 @@ def exposure_texts(plan: InspectionPlan, scene: RayScene | None, k: int) -> list
 
 def _exposed_text(exposure: Exposure, camera: Camera) -> str:
     """Say what must be how bright."""
-    white = white_text(WHITE_SHARE, camera)
     if not exposure.radius_px:
         return (
-            f"pixel {exposure.pixel} beside {exposure.target} has {white}: it is the brightest place "
+            f"pixel {exposure.pixel} beside {exposure.target} has "
+            f"{white_text(exposure.share, camera)}: it is the brightest place "
             "beside the targets of a matt part"
         )
+    white = white_text(WHITE_SHARE, camera)
     return (
         f"the mean within {exposure.radius_px} px of pixel {exposure.pixel} has "
         f"{white_text(exposure.share, camera)}: the brightest place beside the targets of a matt part, "
-        f"at {exposure.target}, then has {white}"
+        f"at {exposure.target}, then has at most {white}"
     )
 
 
