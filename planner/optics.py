@@ -1155,7 +1155,7 @@ def _shows(kind: str, plan: InspectionPlan, solid: Solid, material: Material) ->
     reads = reads_of_plan(plan, solid)
     light = chosen_lamps(Lighting(lamps, material=material), plan, solid, reads=reads)
     dark = _dark(plan, light)
-    names = [name for name in plan.entities if name in plan.inspected]
+    names = [name for name in plan.entities if name in plan.promises]
     called = str(light.area)
     if kind == LAMPS:
         n = len(light.lamps)
