@@ -133,6 +133,8 @@ def plan_inspection(
         camera=(camera, "Camera"),
         pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
     )
+    if options is not None:
+        check_kinds(options=(options, "InspectionOptions"))
     check_keywords("plan_inspection", keywords, [item.name for item in fields(InspectionOptions)])
     options = replace(options or InspectionOptions(), **keywords)
     # before the work: limits that cannot be kept, and a part that hides the lamps

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
-from planner.argument_kinds import check_kinds
+from planner.argument_kinds import check_kinds, check_path
 from planner.files import write_text
 from planner.text_table import Column, Table, count, data_frame
 
@@ -215,6 +215,7 @@ class PlanTables(ShownInNotebook):
         """
         text = self._table().csv()
         if path is not None:
+            check_path("path", path)
             write_text(path, text)
         return text
 

@@ -18,7 +18,7 @@ from aspectgraph.exceptions import MissingExtraError, how_to_install
 from errors.checks import check_not_negative
 from errors.exceptions import InvalidParameterError
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX, Localisation
-from planner.argument_kinds import POSITIVE, check_kinds, check_number, shown
+from planner.argument_kinds import POSITIVE, check_kinds, check_number, shown, with_article
 from planner.exceptions import RequestError
 from planner.request.dimension import POSITION, POSITIONS, QUARTER, Dimension
 from planner.request.words import characteristic_name
@@ -352,7 +352,7 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
     for names in (("zone", "datums"), ("material", "size"), ("frame",)):
         if any(name in value for name in names):
             raise RequestError(
-                f"{' and '.join(names)} must be those of a position. Got them for a {kind}."
+                f"{' and '.join(names)} must be those of a position. Got them for {with_article(kind)}."
             )
     if isinstance(options.get("tolerance"), Mapping):
         options["tolerance"] = _limits(options["tolerance"])
