@@ -79,7 +79,7 @@ def plan_inspection(
     solid : Solid
         The part.
     entities : mapping or sequence
-        Name to an edge, a rim, an arc or a `Dimension`. An edge is an id or two end points. The
+        Name to an edge, a rim, an arc or a `Dimension`. An edge is an id (17 or "e17") or two end points. The
         plan measures the length of an edge, the diameter of a rim (``"r3"``) and the radius of an
         arc (``"a0"``). The permitted error is 1 − A of the value. Ids without names, such as
         `select_entities` returns, are named ``"e<id>"``, ``"r<n>"`` or ``"a<n>"``. They may also be

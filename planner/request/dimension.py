@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -70,6 +70,13 @@ def checked_class(text: str, kind: str, name: str = "tolerance") -> str:
             f"{class_text!r} for {_words_of(kind)}",
         )
     return class_text
+
+
+def _entities_of(items: Iterable[Target]) -> tuple[Target, ...]:
+    """Return the entities of a witness, edges by their numbers: "e17" is 17."""
+    from aspectgraph.entities.entity import edge_number
+
+    return tuple(map(edge_number, items))
 
 
 def _words_of(kind: str) -> str:
@@ -249,7 +256,7 @@ MOST_PLACES = 100
 _REQUIREMENTS = ("tolerance", "tolerance_class", "max_error", "accuracy")
 
 Target = Any
-"""What stands for an entity: an id (17, "r3", "a0"), an `Edge`, `Rim` or `Entity`, or two end points in mm."""
+"""What stands for an entity: an id (17 or "e17", "r3", "a0"), an `Edge`, `Rim` or `Entity`, or two end points in mm."""
 
 
 @dataclass(frozen=True)
@@ -357,8 +364,8 @@ class Dimension:
 
     def __post_init__(self) -> None:
         _check_kind(self.kind)
-        object.__setattr__(self, "entities", tuple(self.entities))
-        object.__setattr__(self, "alternatives", tuple(map(tuple, self.alternatives)))
+        object.__setattr__(self, "entities", _entities_of(self.entities))
+        object.__setattr__(self, "alternatives", tuple(map(_entities_of, self.alternatives)))
         object.__setattr__(self, "frame", tuple(map(str, self.frame)))
         self._check_requirements()
         if self.tolerance_class is not None:
