@@ -1149,7 +1149,7 @@ def measure(
         How the poses are known. Default: from the part's own edges.
     localisation : Localisation, optional
         How well edges are found; only its floor counts, because single points are judged by their own residuals.
-        Default: that of the plan.
+        Default: that of the plan. If that is none or the default of 0.05 px, it is 0.01 px, see `MeasureOptions`.
     coverage : float
         Share of an entity that must be found, in (0, 1].
     rule : DecisionRule, optional
