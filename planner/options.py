@@ -316,6 +316,25 @@ class InspectionOptions(RunOptions):
         )
 
 
+def options_or_default(options: InspectionOptions | None) -> InspectionOptions:
+    """Return options, the default ones for None; refuse what is none, such as a dictionary.
+
+    Parameters
+    ----------
+    options : InspectionOptions, optional
+        What the caller states.
+
+    Raises
+    ------
+    RequestError
+        If it is something else.
+    """
+    if options is None:
+        return InspectionOptions()
+    check_kinds(options=(options, "InspectionOptions"))
+    return options
+
+
 def _checked_field_margin(margin_px: float, camera: Camera) -> float:
     """Return a margin of the field of view, unless it leaves nothing of the image."""
     side = min(camera.resolution)

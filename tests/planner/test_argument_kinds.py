@@ -23,6 +23,8 @@ from planner import (
     measure,
     plan_figure,
     plan_inspection,
+    predict,
+    propose_optics,
     read_plan,
     write_poses,
 )
@@ -186,6 +188,20 @@ def test_a_limit_of_edges_is_a_number(call):
 def test_what_is_no_path_is_refused(call):
     with pytest.raises(PlannerError, match=r"^path must be a path\. Got "):
         call()
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda options: predict(
+            block(), {"rim": 1}, np.eye(4), CAMERA, UNCERTAINTY, options=options
+        ),
+        lambda options: propose_optics(block(), {"rim": 1}, UNCERTAINTY, options=options),
+    ],
+)
+def test_options_are_one_value_everywhere(call):
+    with pytest.raises(RequestError, match=r"^options must be an InspectionOptions\. Got a dict\."):
+        call({"accuracy": 0.9})
 
 
 def test_hints_fit_the_call():
