@@ -262,7 +262,7 @@ def shown(value: object) -> str:
     if isinstance(value, dict | list):
         kind, item = ("an object", "field") if isinstance(value, dict) else ("an array", "item")
         return f"{kind} of {len(value)} {item}{'s' * (len(value) != 1)}"
-    return f"{text[: _LONGEST - 3]}..."
+    return _cut(text, _LONGEST)
 
 
 def _nested_shape(value: object) -> str:
@@ -312,7 +312,15 @@ class _Refusal(Exception):
 def _as_python(value: object) -> str:
     """Return a value as Python writes it, shortened to a readable length."""
     text = repr(value)
-    return text if len(text) <= _LONGEST_REPR else f"{text[: _LONGEST_REPR - 3]}..."
+    return _cut(text, _LONGEST_REPR)
+
+
+def _cut(text: str, longest: int) -> str:
+    """Return a text of at most this length; what began with a quote ends with it."""
+    if len(text) <= longest:
+        return text
+    quote = text[0] if text[0] in "'\"" else ""
+    return f"{text[: longest - 3 - len(quote)]}...{quote}"
 
 
 # What a field may hold, by its type.

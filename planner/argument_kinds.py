@@ -28,6 +28,8 @@ _HINTS = {
     "DecisionRule": "DecisionRule.iso14253 makes one",
     "Localisation": "Localisation.gaussian makes one",
     "MeasurementResults": "measure makes them",
+    "Material": "Material('metal') makes one",
+    "InspectionOptions": "InspectionOptions(accuracy=0.95) makes one",
     "PartRequest": "it holds camera, pose_uncertainty and what to measure",
     ITEMS: "read_entities reads a text, and select_entities takes a rule",
 }
@@ -117,14 +119,20 @@ def check_kinds(**given: tuple[object, str]) -> None:
         hint = _HINTS.get(kind, "")
         if any(_is(value, other) for _, other in given.values()):
             hint = f"the order of the arguments is {', '.join(given)}"
-        rule = f"must be {_article(kind)} {kind}"
-        raise RequestError.of_rule(parameter, rule, _kind_shown(value), hint=hint)
+        rule = f"must be {with_article(kind)}"
+        raise RequestError.of_rule(parameter, rule, kind_shown(value), hint=hint)
+
+
+def check_callable(name: str, value: object) -> None:
+    """Raise `RequestError` unless a value is None or can be called."""
+    if value is not None and not callable(value):
+        raise RequestError.of_rule(name, "must be a callable", kind_shown(value))
 
 
 def check_path(name: str, value: object) -> None:
     """Raise `RequestError` unless a value is a path."""
     if not isinstance(value, str | os.PathLike):
-        raise RequestError.of_rule(name, "must be a path", _kind_shown(value))
+        raise RequestError.of_rule(name, "must be a path", kind_shown(value))
 
 
 def check_space(space: object) -> None:
@@ -164,8 +172,7 @@ def shown(value: object, text: Callable[[Any], str] = repr) -> str:
     """Return a value as Python writes it, shortened to a readable length."""
     if isinstance(value, int) and value.bit_length() > 240:
         return f"an integer of {value.bit_length()} bits"
-    full = text(value)
-    return full if len(full) <= 80 else f"{full[:77]}..."
+    return _cut(text(value), 80)
 
 
 def _is(value: object, kind: str) -> bool:
@@ -176,14 +183,22 @@ def _is(value: object, kind: str) -> bool:
     return kind in (ancestor.__name__ for ancestor in type(value).__mro__)
 
 
-def _kind_shown(value: object) -> str:
+def kind_shown(value: object) -> str:
     """Return a short value itself, of others the type."""
     name = type(value).__name__
     if value is None or isinstance(value, int | float | str):
-        text = repr(value)
-        return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
-    return f"{_article(name)} {name}"
+        return _cut(repr(value), _LONGEST)
+    return with_article(name)
 
 
-def _article(name: str) -> str:
-    return "an" if name[0] in "AEIOU" else "a"
+def _cut(text: str, longest: int) -> str:
+    """Return a text of at most this length; what began with a quote ends with it."""
+    if len(text) <= longest:
+        return text
+    quote = text[0] if text[0] in "'\"" else ""
+    return f"{text[: longest - 3 - len(quote)]}...{quote}"
+
+
+def with_article(words: str) -> str:
+    """Return words behind their indefinite article."""
+    return f"{'an' if words[0] in 'AEIOUaeiou' else 'a'} {words}"

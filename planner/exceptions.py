@@ -21,20 +21,33 @@ class PlannerError(Exception):
         The value that breaks it.
     hint : str
         Advice, without a full stop.
+    mentions : tuple of str
+        Other parameters in `rule` and `hint`, in the form used there, such as ``partial=True``.
     """
 
     parameter: str = ""
     rule: str = ""
     got: str = ""
     hint: str = ""
+    mentions: tuple[str, ...] = ()
 
     @classmethod
-    def of_rule(cls, parameter: str, rule: str, got: str, *, hint: str = "") -> Self:
+    def of_rule(
+        cls,
+        parameter: str,
+        rule: str,
+        got: str,
+        *,
+        hint: str = "",
+        mentions: tuple[str, ...] = (),
+    ) -> Self:
         """Return the error of a broken rule: "PARAMETER RULE. Got GOT; HINT.".
 
         Parameters
         ----------
         parameter, rule, got, hint : str
+            See the attributes.
+        mentions : tuple of str
             See the attributes.
 
         Returns
@@ -43,7 +56,7 @@ class PlannerError(Exception):
             Of this class.
         """
         error = cls(f"{parameter} {rule}. Got {got}.".lstrip())
-        vars(error).update(parameter=parameter, rule=rule, got=got, hint=hint)
+        vars(error).update(parameter=parameter, rule=rule, got=got, hint=hint, mentions=mentions)
         return error
 
     def __str__(self) -> str:

@@ -40,7 +40,7 @@ from planner.light.plan_light import chosen_lamps
 from planner.measuring.foreseen import foreseen_in_time
 from planner.measuring.lit_edges import reads_of_plan
 from planner.measuring.planned_edges import registered_problem
-from planner.options import InspectionOptions, RunOptions
+from planner.options import InspectionOptions, RunOptions, options_or_default
 from planner.plan import InspectionPlan
 from planner.progress import TimeIsUpError, labelled
 from planner.request.dimension import Dimension
@@ -79,7 +79,7 @@ def plan_inspection(
     solid : Solid
         The part.
     entities : mapping or sequence
-        Name to an edge, a rim, an arc or a `Dimension`. An edge is an id or two end points. The
+        Name to an edge, a rim, an arc or a `Dimension`. An edge is an id (17 or "e17") or two end points. The
         plan measures the length of an edge, the diameter of a rim (``"r3"``) and the radius of an
         arc (``"a0"``). The permitted error is 1 − A of the value. Ids without names, such as
         `select_entities` returns, are named ``"e<id>"``, ``"r<n>"`` or ``"a<n>"``. They may also be
@@ -133,8 +133,9 @@ def plan_inspection(
         camera=(camera, "Camera"),
         pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
     )
+    options = options_or_default(options)
     check_keywords("plan_inspection", keywords, [item.name for item in fields(InspectionOptions)])
-    options = replace(options or InspectionOptions(), **keywords)
+    options = replace(options, **keywords)
     # before the work: limits that cannot be kept, and a part that hides the lamps
     deadline = Deadline(options.time_limit_s, options.gap)
     if not entities:

@@ -33,7 +33,7 @@ from planner.light.plan_light import chosen_lamps
 from planner.light.reflection import Material
 from planner.measuring.lit_edges import reads_of_plan
 from planner.measuring.planned_edges import registered_problem
-from planner.options import InspectionOptions
+from planner.options import InspectionOptions, options_or_default
 from planner.plan_file import Reasons
 from planner.progress import Progress, labelled, report
 from planner.request.camera_limits import position_margin_mm
@@ -423,7 +423,7 @@ def predict_poses(
     if not wanted:
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")
     poses = checked_poses(poses)
-    settings = replace(options or InspectionOptions(), accuracy=accuracy)
+    settings = replace(options_or_default(options), accuracy=accuracy)
     if localisation is not None:
         settings = replace(settings, localisation=localisation)
     resolved = resolve_request(solid, wanted, camera, pose_uncertainty, settings)
@@ -795,7 +795,7 @@ def propose_optics(
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")
     distances = _checked(distances_mm)
     fitting = _fitting(bodies)
-    options = options or InspectionOptions()
+    options = options_or_default(options)
     # only the preferred witness of each is looked at, and that is the same for every camera
     effort = replace(options.effort or NORMAL, witnesses=1)
     options = replace(options, effort=effort, accuracy=accuracy, probability=probability)
@@ -1132,6 +1132,8 @@ def compare_lights(
     check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"))
     if why := plan.request.other_part(solid):
         raise RequestError.of_rule("solid", "must be the part of the plan", why)
+    if material is not None:
+        check_kinds(material=(material, "Material"))
     material = material or Material()
     shown = labelled(progress, "lights")
     kinds = (*AREA_LIGHTS, LAMPS)
@@ -1155,7 +1157,7 @@ def _shows(kind: str, plan: InspectionPlan, solid: Solid, material: Material) ->
     reads = reads_of_plan(plan, solid)
     light = chosen_lamps(Lighting(lamps, material=material), plan, solid, reads=reads)
     dark = _dark(plan, light)
-    names = [name for name in plan.entities if name in plan.inspected]
+    names = [name for name in plan.entities if name in plan.promises]
     called = str(light.area)
     if kind == LAMPS:
         n = len(light.lamps)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from errors.measurands.geometry import Localisation as Localisation
 from ground.short_repr import short_repr
-from planner.argument_kinds import check_kinds
+from planner.argument_kinds import check_callable, check_kinds, check_space, kind_shown
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
@@ -48,6 +48,15 @@ class RunOptions:
     executor: Executor | None = None
     progress: Callable[..., Any] | None = None
     space: Space | None = None
+
+    def __post_init__(self) -> None:
+        check_callable("on_incumbent", self.on_incumbent)
+        check_callable("progress", self.progress)
+        if self.executor is not None and not hasattr(self.executor, "submit"):
+            rule = "must be a concurrent.futures.Executor"
+            raise RequestError.of_rule("executor", rule, kind_shown(self.executor))
+        if self.space is not None:
+            check_space(self.space)
 
 
 @dataclass(frozen=True)
@@ -185,8 +194,11 @@ class InspectionOptions(RunOptions):
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.effort is not None:
             check_kinds(effort=(self.effort, "Effort"))
+        if self.localisation is not None:
+            check_kinds(localisation=(self.localisation, "Localisation"))
 
     @classmethod
     def of_request(cls, request: Request) -> InspectionOptions:
@@ -253,7 +265,7 @@ class InspectionOptions(RunOptions):
             raise RequestError.of_rule(
                 "registration",
                 "must be Registration.own_edges() or a PoseUncertainty",
-                type(registration).__name__,
+                kind_shown(registration),
             )
         planned: RegistrationRecord | None = registration.planned()
         return planned
@@ -302,6 +314,25 @@ class InspectionOptions(RunOptions):
             focus_reserve=reserve,
             showing=check_showing(self.showing, camera),
         )
+
+
+def options_or_default(options: InspectionOptions | None) -> InspectionOptions:
+    """Return options, the default ones for None; refuse what is none, such as a dictionary.
+
+    Parameters
+    ----------
+    options : InspectionOptions, optional
+        What the caller states.
+
+    Raises
+    ------
+    RequestError
+        If it is something else.
+    """
+    if options is None:
+        return InspectionOptions()
+    check_kinds(options=(options, "InspectionOptions"))
+    return options
 
 
 def _checked_field_margin(margin_px: float, camera: Camera) -> float:

@@ -226,17 +226,18 @@ class InspectionPlan(PlanTables):
             else ""
         )
         items = words_of(self.targets).items[1]
-        shares = f"{len(inspected) - len(self.unlit)} of {len(self.targets)} {items} inspected"
+        shares = f"{len(inspected)} of {len(self.targets)} {items} inspected"
         features = f", {self.features_text}" if self.features_text else ""
         return f"<InspectionPlan of {self.part!r}: {settings}, {shares}{features}{worst}>"
 
     @property
     def complete(self) -> bool:
-        """Whether the plan inspects every entity and dimension that it was asked for.
+        """Whether the plan inspects every entity and dimension of the request, in the light of the request.
 
-        A request for one feature per pattern omits others: see `n_features_not_planned`.
+        It is False if a target is ``uninspectable`` or ``unlit``, and if `light_missing`. A request for
+        one feature per pattern omits others: see `n_features_not_planned`.
         """
-        return not self.uninspectable
+        return not (self.uninspectable or self.unlit or self.light_missing)
 
     @property
     def n_features(self) -> int:
@@ -280,7 +281,17 @@ class InspectionPlan(PlanTables):
 
     @property
     def inspected(self) -> dict[str, float]:
-        """Name to the best promise, in the order of ``targets``: P_all, or P if it was not counted."""
+        """Name to the best promise of each target that poses inspect and lamps show, in the order of ``targets``.
+
+        The promise is P_all, or P if that was not counted. Targets in ``unlit`` are not inspected. Without
+        planned light, poses alone decide.
+        """
+        unlit = self.unlit
+        return {name: p for name, p in self.promises.items() if name not in unlit}
+
+    @property
+    def promises(self) -> dict[str, float]:
+        """Name to the best promise of each target that poses inspect, lit or not, as in ``inspected``."""
         best = {
             name: max(
                 (s.promise[name] for s in self.settings if name in s.entities), default=math.nan
@@ -292,7 +303,7 @@ class InspectionPlan(PlanTables):
 
     @property
     def unlit(self) -> tuple[str, ...]:
-        """Targets that cameras inspect, but that no lamp shows in any setting; none without planned light."""
+        """Targets that poses inspect, but that no lamp shows in any setting; none without planned light."""
         if self.light is None:
             return ()
         lit = {
@@ -305,7 +316,7 @@ class InspectionPlan(PlanTables):
         dark: set[str] = set()
         for setting, unlit in zip(self.settings, self.light.unlit, strict=False):
             dark.update(set(setting.ends).intersection(unlit))
-        return tuple(name for name in self.inspected if name not in lit or name in dark)
+        return tuple(name for name in self.promises if name not in lit or name in dark)
 
     def simulate(
         self,

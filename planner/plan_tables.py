@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
-from planner.argument_kinds import check_kinds
+from planner.argument_kinds import check_kinds, check_path
 from planner.files import write_text
 from planner.text_table import Column, Table, count, data_frame
 
@@ -33,6 +33,7 @@ class PlanTables(ShownInNotebook):
     settings: tuple[Any, ...]
     uninspectable: Mapping[str, str]
     lower_bound: int
+    unfinished: bool
     simulation: Any
 
     if TYPE_CHECKING:
@@ -60,6 +61,10 @@ class PlanTables(ShownInNotebook):
         @property
         def unlit(self) -> tuple[str, ...]:
             """Targets that no lamp shows."""
+
+        @property
+        def light_missing(self) -> bool:
+            """Whether light of the request is not planned."""
 
     def ends_of(self, setting: Any, name: str) -> np.ndarray:
         """Return two points far apart of what a setting measures a target from.
@@ -210,6 +215,7 @@ class PlanTables(ShownInNotebook):
         """
         text = self._table().csv()
         if path is not None:
+            check_path("path", path)
             write_text(path, text)
         return text
 
@@ -252,7 +258,11 @@ class PlanTables(ShownInNotebook):
         n = len(self.uninspectable) + len(self.unlit)
         if n:
             dark = f"; no lamp shows {', '.join(self.unlit)}" if self.unlit else ""
-            text = f"{n} of {len(self.targets)} targets not inspected; {sure}{dark}."
+            ended = "; planning stopped early" if self.unfinished else ""
+            text = f"{n} of {len(self.targets)} targets not inspected; {sure}{dark}{ended}."
+            return Toned(text, "bad")
+        if self.light_missing:
+            text = f"Light is not planned yet; poses inspect every target; {sure}."
             return Toned(text, "bad")
         if len(self.settings) > self.lower_bound:
             bound = f"at least {self.lower_bound} of {len(self.settings)} settings are needed"

@@ -1,5 +1,6 @@
 """The commands and snippets of the tutorial and the guides run as printed; see also test_readme.py."""
 
+import csv
 import importlib.util
 import json
 import re
@@ -305,6 +306,13 @@ def many_cores(names):
 SILENT = ("light", "many-cores")
 
 
+def read_results_of(path):
+    """Value and U of a table of results, by name."""
+    with Path(path).open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    return {row["name"]: (float(row["value (mm)"]), float(row["U (mm)"])) for row in rows}
+
+
 def measuring(names):
     results = names["results"]
     # known because the images are rendered: benchmarks/images/measured_example.py
@@ -312,6 +320,13 @@ def measuring(names):
     for name, value in true.items():
         assert abs(results[name].value - value) < results[name].expanded_uncertainty
     assert names["printed"].count(" conforms") == 4
+    block = read_results_of("block.csv")
+    assert list(block) == ["width", "height"]
+    # the part deviates by 0.02 mm, and its values are to be within U of the true ones
+    truth = json.loads(Path("block-images/truth.json").read_text())["values"]["setting_01"]
+    for name, (value, spread) in block.items():
+        assert abs(value - truth[name]) < spread
+    assert "<svg" in Path("block.html").read_text(encoding="utf-8")
     assert "<svg" in names["page"]
 
 

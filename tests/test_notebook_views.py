@@ -14,7 +14,16 @@ from plan_examples import LIGHT, plan
 from aspectgraph import Solid, build_aspect_graph, read_requirements, read_solid
 from errors.measurands import Decision
 from ground.notebook import TONES
-from planner import GivenPose, Registration, look_at, measure, predict_poses, read_plan, read_poses
+from planner import (
+    GivenPose,
+    Lighting,
+    Registration,
+    look_at,
+    measure,
+    predict_poses,
+    read_plan,
+    read_poses,
+)
 
 CTC_01 = "examples/nist_ctc_01_ap242.stp"
 BEHIND = look_at([[30.0, -400.0, 20.0]], [30.0, 30.0, 20.0])[0]
@@ -157,6 +166,16 @@ def test_the_verdict_of_a_plan_has_its_colour():
         assert f"Every target is inspected; smallest P 0.9400; {words}." in found._repr_html_()
     assert f"color:{TONES['bad']}" in plan()._repr_html_()
     assert "1 of 3 targets not inspected; smallest P 0.9400." in plan()._repr_html_()
+
+
+def test_a_plan_without_the_light_of_its_request_is_not_shown_as_whole():
+    request = plan().request
+    inspected = replace(request, targets=request.targets[:2])
+    whole = replace(plan(), request=inspected, uninspectable={})
+    assert whole.complete
+    dark = replace(whole, request=replace(inspected, lighting=Lighting("ring")))
+    assert not dark.complete
+    assert "Light is not planned yet; poses inspect every target" in dark._repr_html_()
 
 
 def test_predictions_and_requirements_are_tables():

@@ -51,6 +51,7 @@ def test_every_option_of_a_plan_reaches_it(monkeypatch):
     for name in ("check_kinds", "Deadline"):
         monkeypatch.setattr(f"planner.inspection.{name}", lambda *given, **named: None)
     monkeypatch.setattr("planner.options.check_kinds", lambda **given: None)
+    monkeypatch.setattr("planner.options.RunOptions.__post_init__", lambda options: None)
     monkeypatch.setattr(planner.InspectionOptions, "lighting", None)
     values = {field.name: object() for field in fields(planner.InspectionOptions)}
     planner.plan_inspection(1, 2, 3, 4, **values)

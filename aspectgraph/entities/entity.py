@@ -77,7 +77,7 @@ class Stretch:
     end: Fraction
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "edge", _count(self.edge, "edge"))
+        object.__setattr__(self, "edge", _count(edge_number(self.edge), "edge"))
         for name in ("start", "end"):
             object.__setattr__(self, name, _share(getattr(self, name), name))
         if not 0 <= self.start < self.end <= 1:
@@ -271,11 +271,24 @@ def entity_order(entity_id: int | str | Part) -> tuple[int, int, Any, Any]:
 
 # Python reads no integer of more than some thousand digits
 _CURVE_ID = re.compile(r"[ra]\d{1,300}", re.ASCII)
+_EDGE_ID = re.compile(r"e\d{1,300}", re.ASCII)
 
 
 def is_curve_id(target: object) -> bool:
     """Return whether something is the id of a rim or an arc: ``"r0"`` or ``"a0"``, ``"r1"`` or ``"a1"`` and so on."""
     return isinstance(target, str) and _CURVE_ID.fullmatch(target) is not None
+
+
+def edge_number(target: Any) -> Any:
+    """Return the id of an edge that is written as tables show it, such as "e17"; all else as it is.
+
+    Parameters
+    ----------
+    target : object
+        What stands for an entity.
+    """
+    is_edge = isinstance(target, str) and _EDGE_ID.fullmatch(target)
+    return int(target[1:]) if is_edge else target
 
 
 def for_name(name: str, entity: object) -> str:
@@ -703,11 +716,12 @@ def resolve_entities(
     solid : Solid
         The part.
     mapping : mapping or iterable
-        ``{name: edge id}``, ``{name: "r3"}`` with the id of a rim or arc, or ``{name: (p, q)}``
-        with end points in mm. End points may span a chain of collinear edges. An `Edge`, `Rim`,
-        `Arc`, `Stretch`, `Run` or `Entity` of this solid can replace an id, and so can the text of
-        a part, ``"17[0:1/4]"``. Items without names are named ``"e<id>"``, ``"r<n>"``, ``"a<n>"``,
-        and parts ``"e17[0:1/4]"`` and ``"r11[3:22]"``. Those of a set are sorted.
+        ``{name: 17}`` or ``{name: "e17"}`` with the id of an edge, ``{name: "r3"}`` with that of a
+        rim or arc, or ``{name: (p, q)}`` with end points in mm. End points may span a chain of
+        collinear edges. An `Edge`, `Rim`, `Arc`, `Stretch`, `Run` or `Entity` of this solid can
+        replace an id, and so can the text of a part, ``"17[0:1/4]"``. Items without names are named
+        ``"e<id>"``, ``"r<n>"``, ``"a<n>"``, and parts ``"e17[0:1/4]"`` and ``"r11[3:22]"``. Those
+        of a set are sorted.
     tolerance_mm : float, optional
         Largest distance of a given end point from its vertex. Default: 10⁻⁴ of the bounding box
         diagonal.
@@ -781,16 +795,17 @@ def unnamed_entities(items: Any) -> list[Any]:
         If it is none, or a text.
     """
     if isinstance(items, AbstractSet):
-        return sorted(items, key=lambda item: entity_order(_id_name(item)))
+        items = sorted(items, key=lambda item: entity_order(_id_name(item)))
     is_point = isinstance(items, np.ndarray) and items.ndim == 0
     if is_point or isinstance(items, str | bytes) or not isinstance(items, Iterable):
         raise EntityError.of_rule(
             "entities", "must be a mapping or sequence", repr(items)[:80], hint=_TEXTS
         )
-    return list(items)
+    return list(map(edge_number, items))
 
 
 def _id_name(item: Any) -> str:
+    item = edge_number(item)
     if isinstance(item, Edge):
         return f"e{item.id}"
     if isinstance(item, Arc):
@@ -818,6 +833,7 @@ def _distinct(items: list[Any]) -> list[Any]:
 def _resolve(
     solid: Solid, name: str, target: Any, tolerance_mm: float, min_dihedral_deg: float
 ) -> Entity:
+    target = edge_number(target)
     if isinstance(target, Entity):
         if not target.edge_ids or not all(0 <= i < len(solid.edges) for i in target.edge_ids):
             raise EntityError(

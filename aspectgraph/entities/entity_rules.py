@@ -647,7 +647,7 @@ def read_entities(
         like ``"17-21"``, or ``"r3, a0"`` for rims and arcs. Parts are ``"17[0:1/4]"`` for the first
         quarter of an edge and ``"r3[0:8]"`` for the first eight chords of a rim. End points such as
         ``"(0,0,10)-(25,0,10)"`` are named p1, p2 and so on. A .toml or .json file has ``name =
-        id``, ``name = "r3"`` or ``name = [[x, y, z], [x, y, z]]``, at top level or in a table
+        17``, ``name = "e17"``, ``name = "r3"`` or ``name = [[x, y, z], [x, y, z]]``, at top level or in a table
         ``entities``. A .csv file has rows of a name and an id, or of a name and six coordinates. In
         a .csv file, an apostrophe before a name that a spreadsheet would run, such as ``'=1+1``, is
         not part of the name.

@@ -976,5 +976,16 @@ def domain_path(eag: EntityAspectGraph | nx.Graph, start: int, goal: int) -> lis
     ]
 
 
+def _named_type(value: object) -> str:
+    name = type(value).__name__
+    return f"an {name}" if name[0] in "AEIOUaeiou" else f"a {name}"
+
+
 def _graph(eag: EntityAspectGraph | nx.Graph) -> nx.Graph:
-    return eag.graph if isinstance(eag, EntityAspectGraph) else eag
+    if isinstance(eag, EntityAspectGraph):
+        return eag.graph
+    if not isinstance(eag, nx.Graph):
+        rule = "must be an EntityAspectGraph or a networkx.Graph"
+        hint = "build_aspect_graph and read_graphml make one"
+        raise EntityError.of_rule("eag", rule, _named_type(eag), hint=hint)
+    return eag

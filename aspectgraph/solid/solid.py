@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -10,6 +11,7 @@ from contextlib import contextmanager
 from functools import cached_property
 from importlib.util import find_spec
 from itertools import starmap
+from numbers import Real
 from operator import attrgetter
 from os import PathLike
 from types import ModuleType
@@ -18,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aspectgraph.exceptions import SolidError
+from aspectgraph.exceptions import EntityError, SolidError
 from aspectgraph.files import SolidEntry
 from aspectgraph.phases import phase
 from aspectgraph.solid.checks import (
@@ -494,7 +496,14 @@ class Solid(ShownInNotebook):
         -------
         tuple of Edge
             In the order of their ids.
+
+        Raises
+        ------
+        EntityError
+            If a limit is not a finite number from 0.
         """
+        _check_least("min_dihedral_deg", min_dihedral_deg)
+        _check_least("min_length_mm", min_length_mm)
         return tuple(
             edge
             for edge in self.edges
@@ -518,7 +527,13 @@ class Solid(ShownInNotebook):
         -------
         tuple of Rim
             In the order of their ids, which do not depend on `min_dihedral_deg`.
+
+        Raises
+        ------
+        EntityError
+            If the limit is not a finite number from 0.
         """
+        _check_least("min_dihedral_deg", min_dihedral_deg)
         return tuple(
             a for a in self._arcs if isinstance(a, Rim) and a.dihedral_deg >= min_dihedral_deg
         )
@@ -535,7 +550,13 @@ class Solid(ShownInNotebook):
         -------
         tuple of Arc
             In the order of their ids, which do not depend on `min_dihedral_deg`.
+
+        Raises
+        ------
+        EntityError
+            If the limit is not a finite number from 0.
         """
+        _check_least("min_dihedral_deg", min_dihedral_deg)
         return tuple(
             a for a in self._arcs if not isinstance(a, Rim) and a.dihedral_deg >= min_dihedral_deg
         )
@@ -722,3 +743,11 @@ def check_solid(solid: object) -> None:
         got = repr(solid)[:_LONGEST]
     hint = "read_solid reads one from a file"
     raise SolidError.of_rule("solid", "must be a Solid", got, hint=hint)
+
+
+def _check_least(name: str, value: Any) -> None:
+    """Refuse a limit that is not a finite number from 0."""
+    is_number = isinstance(value, Real) and not isinstance(value, bool)
+    if not (is_number and math.isfinite(value) and value >= 0):
+        got = repr(value)[:_LONGEST]
+        raise EntityError.of_rule(name, "must be a finite number from 0", got)

@@ -534,7 +534,7 @@ def measurand(
         raise MeasurandError.of_rule(
             "groups",
             "must be those of a position",
-            f"{list(groups)} for a {name.replace('_', ' ')}",
+            f"{list(groups)} for {_with_article(name)}",
         )
     further: dict[str, Any] = {"groups": tuple(groups)} if groups else {}
     try:
@@ -543,16 +543,18 @@ def measurand(
         raise MeasurandError(str(error)) from error
 
 
+def _with_article(name: str) -> str:
+    """Return what a sentence calls a kind."""
+    words = name.replace("_", " ")
+    return f"an {words}" if words[0] in "aeiou" else f"a {words}"
+
+
 _NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four"}
 
 
 def _wrong_entities(name: str, taken: Sequence[type]) -> str:
     """Say what a kind of value takes instead of these entities, and which kinds take them in which order."""
-    article = "a"
-    if name[0] in "aeiou":
-        article = "an"
-    words = name.replace("_", " ")
-    rule = f"{article} {words} must have {_several(_KINDS[name].takes)}. Got {_several(taken) or 'nothing'}"
+    rule = f"{_with_article(name)} must have {_several(_KINDS[name].takes)}. Got {_several(taken) or 'nothing'}"
     fitting = [
         other
         for other, kind in _KINDS.items()

@@ -183,7 +183,8 @@ def _worded(text: str, mentions: Sequence[str], options: Mapping[str, Any]) -> s
         name, _, value = (f"{limit[1]}=..." if limit else mention).partition("=")
         option = as_typed(name, options)
         if option != name:
-            value = "" if value == "..." else value.strip("[]").replace(", ", ",")
+            # an option that is a switch has no value
+            value = "" if value in ("...", "True") else value.strip("[]").replace(", ", ",")
             text = text.replace(mention, f"{option} {value}".rstrip())
     return text
 

@@ -548,8 +548,7 @@ def plan(options: Plan) -> int:
         if interrupted:
             raise KeyboardInterrupt
     confirmed = result.simulation is not None and result.simulation.confirmed
-    is_lit = not result.unlit and not result.light_missing
-    return DONE if result.complete and confirmed and is_lit else INCOMPLETE
+    return DONE if result.complete and confirmed else INCOMPLETE
 
 
 def _print_planned(

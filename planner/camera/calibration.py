@@ -302,6 +302,8 @@ class Distortion:
 
 # some ten times the coarsest pixels of cameras: more is a pitch in um
 _LARGEST_PITCH_MM = 0.5
+# below the wavelength of light: less is a pitch in metres
+_LEAST_PITCH_MM = 0.0001
 _NEEDED = ("pixel_pitch_mm", "f_number", "focus_distance_mm")
 # no lens for measuring enlarges more: a smaller distance is in metres
 _MOST_MAGNIFICATION = 4.0
@@ -317,10 +319,13 @@ def check_pitches(values: Any) -> tuple[float, ...]:
 
 
 def check_pitch(value: Any) -> float:
-    """Return a pixel pitch, or raise `CameraError` if it is rather in µm."""
+    """Return a pixel pitch, or raise `CameraError` if it is rather in µm or m."""
     pitch = check_positive("pixel_pitch_mm", value)
     if pitch > _LARGEST_PITCH_MM:
         rule = f"must be at most {_LARGEST_PITCH_MM:g} mm; 3.45 um are 0.00345"
+        raise CameraError.of_rule("pixel_pitch_mm", rule, f"{pitch:g}")
+    if pitch < _LEAST_PITCH_MM:
+        rule = f"must be at least {_LEAST_PITCH_MM:g} mm; 3.45e-06 m are 0.00345"
         raise CameraError.of_rule("pixel_pitch_mm", rule, f"{pitch:g}")
     return pitch
 

@@ -7,7 +7,7 @@ import json
 import math
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache, lru_cache
 from importlib import resources
 from os import PathLike
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ground.convert import ROW, Meta, check_keys, to_plain
-from planner.argument_kinds import shown
+from planner.argument_kinds import check_path, shown
 from planner.camera.calibration import (
     LEAST_WHITE,
     MOST_WHITE,
@@ -761,6 +761,7 @@ class Camera:
         (8.0, 400.0, (2448, 2048))
         """
         key, facts, lens = find_camera(name)
+        _check_changes(changes, [item.name for item in fields(cls)])
         camera = cls.from_dict({**facts, "name": key, **changes})
         check_lens(lens, camera.f_number, camera.focus_distance_mm)
         return camera
@@ -813,6 +814,8 @@ class Camera:
             If the file cannot be read, is not TOML, or a field is missing, unknown or wrong. The
             message names file and line.
         """
+        if not isinstance(path, str | PathLike):
+            raise CameraError.of_rule("path", "must be a path", shown(path))
         path = Path(path)
         text, data = read_toml(path)
         try:
@@ -876,6 +879,7 @@ class Camera:
         """
         from planner.files import write_text
 
+        check_path("path", path)
         write_text(path, toml_text(self.to_dict()))
         return Path(path)
 
@@ -989,3 +993,16 @@ def undistorted_px(camera: Camera, pixels: NDArray[np.float64]) -> NDArray[np.fl
     if camera.distortion is None:
         return pixels
     return tangents_of(camera, pixels) * np.diag(camera.matrix)[:2] + camera.matrix[:2, 2]
+
+
+def _check_changes(changes: Mapping[str, Any], names: Sequence[str]) -> None:
+    """Refuse a change of what a camera has not, and name the field that may be meant."""
+    for name in changes:
+        if name in names:
+            continue
+        near = [field for field in names if field.startswith(name)] or difflib.get_close_matches(
+            name, names
+        )
+        hint = f"did you mean {near[0]}?" if near else ""
+        rule = f"must be fields of a camera, {', '.join(names)}"
+        raise CameraError.of_rule("changes", rule, repr(name), hint=hint)

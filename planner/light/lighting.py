@@ -25,7 +25,13 @@ from aspectgraph.light import (
 from aspectgraph.solid.solid import RayScene
 from ground.convert import Plain, from_plain, to_plain
 from ground.short_repr import count
-from planner.argument_kinds import FROM_0_BELOW_1, NOT_NEGATIVE, POSITIVE, check_number
+from planner.argument_kinds import (
+    FROM_0_BELOW_1,
+    NOT_NEGATIVE,
+    POSITIVE,
+    check_kinds,
+    check_number,
+)
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
 from planner.light.area_light import AreaLight, EdgePoints, LitSpace
@@ -919,6 +925,8 @@ class Lighting:
     def __post_init__(self) -> None:
         check_contrast(self.contrast)
         object.__setattr__(self, "lamps", check_lamps_given(self.lamps))
+        if self.material is not None:
+            check_kinds(material=(self.material, "Material"))
         if self.material is not None and self.area is not None:
             object.__setattr__(self, "lamps", in_material(self.area, self.material))
         if self.together and self.is_ring:

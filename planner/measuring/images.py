@@ -520,6 +520,10 @@ def _by_name(source: Mapping[Any, Any]) -> dict[str, Any]:
     return files
 
 
+# a command line has the option of this name
+_PARTIAL = "partial=True"
+
+
 def _check_names(files: Mapping[str, Any], shots: list[Shot], partial: bool) -> None:
     names = [shot.name for shot in shots]
     missing = [name for name in names if name not in files]
@@ -530,12 +534,14 @@ def _check_names(files: Mapping[str, Any], shots: list[Shot], partial: bool) -> 
     if extra:
         parts.append(f"{_listed(extra)}, which the plan does not take")
     if parts:
-        hint = "" if extra or partial else "--partial measures what is there"
+        is_rest = not extra and not partial and len(missing) < len(names)
+        hint = f"{_PARTIAL} measures what is there" if is_rest else ""
         raise RequestError.of_rule(
             "images",
             f"must be {_all_of(names)}",
             " and ".join(parts),
             hint=hint,
+            mentions=(_PARTIAL,),
         )
 
 

@@ -447,5 +447,5 @@ def reads_of_plan(plan: InspectionPlan, solid: Solid) -> LitEdges | None:
     solid : Solid
         Its part.
     """
-    targets = (plan.targets[name] for name in plan.inspected)
+    targets = (plan.targets[name] for name in plan.promises)
     return reads_of(solid, plan.request.registration, targets)

@@ -417,7 +417,7 @@ class Measurer:
         self.plan = plan
         self.shots = shots_of(plan)
         self.targets = {
-            name: plan.targets[name] for name in plan.inspected if name not in plan.split
+            name: plan.targets[name] for name in plan.promises if name not in plan.split
         }
         # a setting measures a target by the witness that it was planned with
         self.by_witness = {
@@ -785,7 +785,7 @@ class Measurer:
         planned = self.plan.request.registration
         if planned is not None and planned.surfaces_mm is not None:
             return planned.surfaces_mm
-        targets = (self.plan.targets[name] for name in self.plan.inspected)
+        targets = (self.plan.targets[name] for name in self.plan.promises)
         return max((target.surfaces_mm for target in targets), default=0.0)
 
     def _read(
@@ -1084,7 +1084,7 @@ class Measurer:
 
     def _bias_px(self, options: MeasureOptions) -> float:
         """Return the standard deviation of edges' biases, px."""
-        targets = (self.plan.targets[name] for name in self.plan.inspected)
+        targets = (self.plan.targets[name] for name in self.plan.promises)
         floors = (self._floor_px(target.localisation, options) for target in targets)
         return bias_of(max(floors, default=DETECTOR_FLOOR_PX))
 
@@ -1149,7 +1149,7 @@ def measure(
         How the poses are known. Default: from the part's own edges.
     localisation : Localisation, optional
         How well edges are found; only its floor counts, because single points are judged by their own residuals.
-        Default: that of the plan.
+        Default: that of the plan. If that is none or the default of 0.05 px, it is 0.01 px, see `MeasureOptions`.
     coverage : float
         Share of an entity that must be found, in (0, 1].
     rule : DecisionRule, optional

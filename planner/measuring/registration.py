@@ -25,7 +25,7 @@ from errors.checks import chi_squared_quantile
 from errors.registration import Posterior, Rows, posterior
 from ground.convert import Meta, Shape, check_fields, shown
 from ground.short_repr import short_repr
-from planner.argument_kinds import MAPPING, check_kinds
+from planner.argument_kinds import MAPPING, NOT_NEGATIVE, check_kinds, check_number
 from planner.camera.camera import Camera
 from planner.camera.pose import MAX_SIGMA_MM, MAX_SIGMA_RAD, PoseUncertainty
 from planner.exceptions import PlannerError, RequestError
@@ -481,11 +481,8 @@ class Registration:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        value = self.surfaces_mm
-        if value is not None and not (np.isfinite(value) and value >= 0):
-            raise RequestError.of_rule(
-                "surfaces_mm", "must be finite and not negative", repr(value)
-            )
+        if self.surfaces_mm is not None:
+            check_number("surfaces_mm", self.surfaces_mm, NOT_NEGATIVE)
 
     @classmethod
     def none(cls, surfaces_mm: float | None = None) -> Registration:

@@ -540,7 +540,7 @@ class Rehearsal:
         check_count("seed", seed, 0)
         measurer = Measurer(plan, solid)
         if surfaces_mm is None:
-            stated = [plan.targets[name].surfaces_mm for name in plan.inspected]
+            stated = [plan.targets[name].surfaces_mm for name in plan.promises]
             surfaces_mm = max(stated, default=0.0)
         check_number("surfaces_mm", surfaces_mm, NOT_NEGATIVE)
         self._plan = plan

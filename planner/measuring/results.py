@@ -22,6 +22,7 @@ from errors.measurands import DecisionRule as DecisionRule
 from errors.measurands.measurand import COVERAGE
 from ground.convert import Key, Meta, NullIs, Shape, json_schema, to_plain
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
+from planner.argument_kinds import check_path
 from planner.camera.camera import Camera
 from planner.files import write_text
 from planner.measuring.images import Picture
@@ -891,6 +892,7 @@ class MeasurementResults(ShownInNotebook):
         OutputError
             If it cannot be written.
         """
+        check_path("path", path)
         write_text(path, self.to_csv())
         return Path(path)
 

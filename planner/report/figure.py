@@ -30,6 +30,7 @@ from aspectgraph.plot.views import layout
 from errors.checks import probability_text
 from errors.measurands import Circle, Geometry
 from ground.templates import render
+from planner.argument_kinds import check_kinds
 from planner.camera.pose import world_to_cam
 from planner.progress import TimeLeft, report
 from planner.request.reach import TargetSpace
@@ -440,6 +441,10 @@ def plan_figure(
     >>> sorted(trace.name for trace in figure.data if trace.name and "setting" in trace.name)
     ['setting 1']
     """
+    kinds: dict[str, tuple[object, str]] = {"plan": (plan, "InspectionPlan")}
+    if solid is not None:
+        kinds["solid"] = (solid, "Solid")
+    check_kinds(**kinds)
     traces = [] if solid is None else part_traces(solid)
     for k, setting in enumerate(plan.settings):
         group = f"setting {k + 1}"

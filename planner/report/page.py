@@ -789,7 +789,7 @@ def _nouns(plan: InspectionPlan) -> tuple[str, str]:
 def _lead(plan: InspectionPlan) -> str:
     """Say in at most three sentences what the plan does, and what is proven."""
     n = len(plan.settings)
-    inspected = len(plan.inspected) - len(plan.unlit)
+    inspected = len(plan.inspected)
     n_targets = count(len(plan.entities), *_nouns(plan))
     features = features_sentence(plan)
     if not n:
@@ -831,13 +831,13 @@ def _figures(plan: InspectionPlan) -> list[tuple[str, str]]:
     cells = [(str(n), "camera pose" if n == 1 else "camera poses")]
     if n:
         cells.append((str(plan.lower_bound), _bound_label(plan)))
-    shown = len(plan.inspected) - len(plan.unlit)
+    shown = len(plan.inspected)
     cells.append((f"{shown} / {len(plan.entities)}", f"{_nouns(plan)[1]} inspected"))
     if plan.n_features_not_planned:
         measured = sum(name in plan.dimensions for name in plan.inspected)
         cells.append((f"{measured} / {plan.n_features}", "characteristics inspected"))
     if shown:
-        worst = min(p for name, p in plan.inspected.items() if name not in plan.unlit)
+        worst = min(plan.inspected.values())
         cells.append(
             (
                 probability_text(worst, plan.probability),
@@ -859,11 +859,11 @@ def _figures(plan: InspectionPlan) -> list[tuple[str, str]]:
 def _bound_label(plan: InspectionPlan) -> str:
     """Name the lower bound; of an incomplete plan with the targets it is about."""
     label = "proven minimum" if plan.minimal else "proven lower bound"
-    if plan.complete and not plan.unlit:
-        return label
     if plan.unlit:
-        seen = count(len(plan.inspected), *_nouns(plan))
+        seen = count(len(plan.promises), *_nouns(plan))
         return f"{label} for the {seen} that poses inspect{dark_note(plan)}"
+    if not plan.uninspectable:
+        return label
     return f"{label} for the inspected {_nouns(plan)[len(plan.inspected) > 1]}"
 
 

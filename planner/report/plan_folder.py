@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from aspectgraph import MemoryLimitError, graph_of, write_graphml
 from aspectgraph import OutputError as GraphOutputError
 from ground.convert import to_plain
-from planner.argument_kinds import check_kinds
+from planner.argument_kinds import check_kinds, check_path
 from planner.callbacks import PICTURES_SHARE, Deadline
 from planner.exceptions import OutputError
 from planner.files import absolute, is_running, name_text, staged_folder, timestamp, write_text
@@ -316,6 +316,7 @@ def write_poses(plan: InspectionPlan, folder: str | os.PathLike[str]) -> list[Pa
     ['camera_ros.yaml', 'cameras.txt', 'images.txt']
     """
     check_kinds(plan=(plan, "InspectionPlan"))
+    check_path("folder", folder)
     folder = Path(folder)
     texts = (
         opencv_json(plan),

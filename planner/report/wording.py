@@ -90,12 +90,12 @@ def bound_sentence(
     """
     n = len(plan.settings)
     bound = plan.lower_bound
-    inspected = len(plan.inspected)
+    inspected = len(plan.promises)
     if not n:
         return ""
     these = f"all {inspected} {nouns[1]}" if inspected > 1 else f"the {nouns[0]}"
     scope = ""
-    if plan.unlit or not plan.complete:
+    if plan.unlit or plan.uninspectable:
         these = "them" if inspected > 1 else "it"
         inspected_nouns = (f"inspected {nouns[0]}", f"inspected {nouns[1]}")
         scope = f" for the {count(inspected, *inspected_nouns)}"
@@ -145,7 +145,8 @@ def incumbent_line(plan: InspectionPlan, seconds: float) -> str:
     settings = count(len(plan.settings), "setting")
     inspected = len(plan.inspected)
     items = words_of(plan.targets).items
-    targets = "" if plan.complete else f", {inspected} of {count(len(plan.entities), *items)}"
+    is_whole = inspected == len(plan.entities)
+    targets = "" if is_whole else f", {inspected} of {count(len(plan.entities), *items)}"
     return f"{seconds:8.1f} s   {settings:>12}   at least {plan.lower_bound:<3}   gap {100 * plan.gap:.0f} %{targets}"
 
 
@@ -171,7 +172,9 @@ def unfinished_sentence(plan: InspectionPlan) -> str:
 
 
 def _more_by_longer(plan: InspectionPlan) -> str:
-    if not plan.complete:
+    if plan.light is not None and plan.unlit and not plan.light.together:
+        return "find other poses, from which lamps show more targets"
+    if plan.uninspectable:
         return "inspect more targets, need fewer settings or prove a larger bound"
     if plan.minimal:
         return "find poses with a larger P"
@@ -661,9 +664,9 @@ def brief_verdict(plan: InspectionPlan) -> str:
         bound = f"; at least {plan.lower_bound} {'is' if plan.lower_bound == 1 else 'are'} needed"
         head += ", proven to be the fewest" if plan.minimal else bound + _whole_bound_text(plan)
         if plan.unlit:
-            seen = count(len(plan.inspected), *words_of(plan.targets).items)
+            seen = count(len(plan.promises), *words_of(plan.targets).items)
             head += f" for the {seen} that poses inspect{dark_note(plan)}"
-        elif not plan.complete:
+        elif plan.uninspectable:
             head += " for these" if len(plan.inspected) > 1 else " for this one"
     sentences = [f"{head}.", dark_sentence(plan), features_sentence(plan)]
     sentences.append(split_sentence(plan))
@@ -682,7 +685,7 @@ def brief_verdict(plan: InspectionPlan) -> str:
 
 def _inspected_text(plan: InspectionPlan) -> str:
     """Return how many targets cameras inspect and lamps show, without a full stop."""
-    shown = len(plan.inspected) - len(plan.unlit)
+    shown = len(plan.inspected)
     items = words_of(plan.targets).items
     settings = count(len(plan.settings), "setting")
     return f"{shown} of {count(len(plan.entities), *items)} inspected from {settings}"
@@ -695,7 +698,9 @@ def dark_sentence(plan: InspectionPlan) -> str:
     names = ", ".join(plan.unlit)
     if plan.light is not None and plan.light.area is not None:
         return f"The {spoken(plan.light.kind)} does not show {names}."
-    return f"No lamp shows {names}."
+    # of a plan that was ended early, lamps were tried for its poses only
+    poses = " from these poses" if plan.unfinished else ""
+    return f"No lamp shows {names}{poses}."
 
 
 def _all_confirmed(result: SimulationResult) -> bool:

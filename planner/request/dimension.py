@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,6 +18,8 @@ from planner.argument_kinds import (
     check_count,
     check_fraction,
     check_number,
+    shown,
+    with_article,
 )
 from planner.exceptions import RequestError
 from planner.request.edge_state import checked_break
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
 # part.
 
 
-def checked_class(text: str, kind: str) -> str:
+def checked_class(text: str, kind: str, name: str = "tolerance") -> str:
     """Return a tolerance class as ISO 286 writes it.
 
     Parameters
@@ -40,6 +42,8 @@ def checked_class(text: str, kind: str) -> str:
         Such as "H7".
     kind : str
         Kind of its dimension.
+    name : str
+        What an error calls it.
 
     Raises
     ------
@@ -54,20 +58,38 @@ def checked_class(text: str, kind: str) -> str:
     except ToleranceError as error:
         half = _half_of(text)
         if half is None:
-            raise RequestError.of_rule(
-                "tolerance", error.rule, error.got, hint=error.hint
-            ) from None
+            raise RequestError.of_rule(name, error.rule, error.got, hint=error.hint) from None
         rule = "must be two numbers, lower and upper deviation, or a class such as H7"
         hint = f"write [-{half:g}, {half:g}] without quotes"
-        raise RequestError.of_rule("tolerance", rule, error.got, hint=hint) from None
+        raise RequestError.of_rule(name, rule, error.got, hint=hint) from None
     if kind not in KINDS_WITH_CLASS:
         raise RequestError.of_rule(
             "tolerance",
             f"must be two numbers, because only a {', '.join(KINDS_WITH_CLASS[:-1])} or {KINDS_WITH_CLASS[-1]} "
             "has a tolerance class",
-            f"{class_text!r} for a {kind.replace('_', ' ')}",
+            f"{class_text!r} for {_words_of(kind)}",
         )
     return class_text
+
+
+def _entities_of(items: Iterable[Target]) -> tuple[Target, ...]:
+    """Return the entities of a witness, edges by their numbers: "e17" is 17."""
+    from aspectgraph.entities.entity import edge_number
+
+    return tuple(map(edge_number, items))
+
+
+def _words_of(kind: str) -> str:
+    """Return what a sentence calls a kind."""
+    return with_article(kind.replace("_", " "))
+
+
+def _check_kind(kind: object) -> None:
+    """Refuse what is no kind of dimension."""
+    from errors.measurands.measurand import kinds
+
+    if not isinstance(kind, str) or kind not in kinds():
+        raise RequestError.of_rule("kind", f"must be one of {', '.join(kinds())}", shown(kind))
 
 
 def _half_of(text: str) -> float | None:
@@ -234,7 +256,7 @@ MOST_PLACES = 100
 _REQUIREMENTS = ("tolerance", "tolerance_class", "max_error", "accuracy")
 
 Target = Any
-"""What stands for an entity: an id (17, "r3", "a0"), an `Edge`, `Rim` or `Entity`, or two end points in mm."""
+"""What stands for an entity: an id (17 or "e17", "r3", "a0"), an `Edge`, `Rim` or `Entity`, or two end points in mm."""
 
 
 @dataclass(frozen=True)
@@ -341,8 +363,9 @@ class Dimension:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "entities", tuple(self.entities))
-        object.__setattr__(self, "alternatives", tuple(map(tuple, self.alternatives)))
+        _check_kind(self.kind)
+        object.__setattr__(self, "entities", _entities_of(self.entities))
+        object.__setattr__(self, "alternatives", tuple(map(_entities_of, self.alternatives)))
         object.__setattr__(self, "frame", tuple(map(str, self.frame)))
         self._check_requirements()
         if self.tolerance_class is not None:
@@ -371,7 +394,7 @@ class Dimension:
             raise RequestError.of_rule(
                 "places",
                 "must be 1 unless it is a distance of two edges",
-                f"{self.places} for a {self.kind.replace('_', ' ')}",
+                f"{self.places} for {_words_of(self.kind)}",
             )
 
     def _check_material(self) -> None:
@@ -379,7 +402,7 @@ class Dimension:
         if not self.material and self.size is None:
             return
         if self.kind not in POSITIONS:
-            got = f"{self.material or self.size!r} for a {self.kind.replace('_', ' ')}"
+            got = f"{self.material or self.size!r} for {_words_of(self.kind)}"
             raise RequestError.of_rule("material and size", "must be those of a position", got)
         if self.material not in MATERIAL_CONDITIONS:
             raise RequestError.of_rule(
@@ -873,7 +896,10 @@ def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
         )
     for name, value in requirement.items():
         # named as here, with the unit
-        if name == f"tolerance_{unit}" and value is not None and not isinstance(value, str):
+        if name == f"tolerance_{unit}" and isinstance(value, str):
+            # a diameter has every class
+            checked_class(value, "diameter", name)
+        elif name == f"tolerance_{unit}" and value is not None:
             checked_tolerance(value, name)
         if name == f"max_error_{unit}" and value is not None:
             check_number(name, value, _POSITIVE)

@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 from aspectgraph.dimensions.features import unique_names
 from aspectgraph.dimensions.geometric import GeometricTolerance
+from aspectgraph.entities.entity import edge_number
 from aspectgraph.entities.entity_rules import parse_names
 from aspectgraph.exceptions import MissingExtraError, how_to_install
 from errors.checks import check_not_negative
 from errors.exceptions import InvalidParameterError
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX, Localisation
-from planner.argument_kinds import POSITIVE, check_kinds, check_number, shown
+from planner.argument_kinds import POSITIVE, check_kinds, check_number, shown, with_article
 from planner.exceptions import RequestError
 from planner.request.dimension import POSITION, POSITIONS, QUARTER, Dimension
 from planner.request.words import characteristic_name
@@ -268,7 +269,7 @@ def _with_datums(value: Any, named: Mapping[str, Any]) -> Any:
     for datum in value["datums"]:
         is_name = isinstance(datum, str) and not re.fullmatch(r"[era]\d+.*", datum)
         if isinstance(datum, list) and not _is_end_points(datum):
-            datums.append(list(map(_edge_number, datum)))
+            datums.append(list(map(edge_number, datum)))
             frame.append("-".join(map(_entity_text, datum)))
             continue
         if is_name and datum not in named and datum != PARALLEL:
@@ -280,9 +281,9 @@ def _with_datums(value: Any, named: Mapping[str, Any]) -> Any:
         shown_by = named.get(datum, datum) if is_name else datum
         frame.append(_entity_text(datum))
         if isinstance(shown_by, list) and not _is_end_points(shown_by):
-            shown_by = list(map(_edge_number, shown_by))
+            shown_by = list(map(edge_number, shown_by))
         if shown_by != PARALLEL:
-            datums.append(_edge_number(shown_by))
+            datums.append(edge_number(shown_by))
     # without a name of its own, a datum is named by its entities as everywhere
     is_named = any(str(datum) in named for datum in value["datums"])
     is_named &= not any(
@@ -352,7 +353,7 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
     for names in (("zone", "datums"), ("material", "size"), ("frame",)):
         if any(name in value for name in names):
             raise RequestError(
-                f"{' and '.join(names)} must be those of a position. Got them for a {kind}."
+                f"{' and '.join(names)} must be those of a position. Got them for {with_article(kind)}."
             )
     if isinstance(options.get("tolerance"), Mapping):
         options["tolerance"] = _limits(options["tolerance"])
@@ -392,7 +393,7 @@ def _position(
     if isinstance(options["size"], list):
         options["size"] = tuple(_scaled(limit, factor) for limit in options["size"])
     if isinstance(first, list) and not _is_end_points(first):
-        first = list(map(_edge_number, first))
+        first = list(map(edge_number, first))
     if kind in ("symmetry", "coaxiality"):
         if len(datums) != 1 or pattern:
             raise RequestError.of_rule("datums", f"must be one of a {kind}", repr(datums))
@@ -420,13 +421,7 @@ def _limits(stated: Mapping[str, Any]) -> list[Any]:
 
 def _entities(given: Any) -> tuple[Any, ...]:
     several = isinstance(given, list) and not _is_end_points(given)
-    return tuple(map(_edge_number, given)) if several else (_edge_number(given),)
-
-
-def _edge_number(given: Any) -> Any:
-    """Return the number of an edge that is written as tables do, such as e17; all else as it is."""
-    is_edge = isinstance(given, str) and re.fullmatch(r"e\d+", given)
-    return int(given[1:]) if is_edge else given
+    return tuple(map(edge_number, given)) if several else (edge_number(given),)
 
 
 def _scaled(value: Any, factor: float) -> Any:

@@ -946,4 +946,4 @@ def _largest(proofs: Iterable[ProvenBound], seen: NDArray[np.bool_]) -> Needed:
 
 def _worth(plan: InspectionPlan) -> tuple[int, int]:
     """Return what the better one has more of."""
-    return len(plan.inspected), -len(plan.settings)
+    return len(plan.promises), -len(plan.settings)

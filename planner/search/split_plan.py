@@ -96,9 +96,9 @@ def with_split(run: SearchRun, plan: InspectionPlan) -> InspectionPlan:
 
 
 def _is_better(other: InspectionPlan, plan: InspectionPlan) -> bool:
-    more = len(other.inspected) - len(plan.inspected)
+    more = len(other.promises) - len(plan.promises)
     fewer = len(other.settings) < len(plan.settings)
-    return (more > 0 or (more == 0 and fewer)) and set(plan.inspected) <= set(other.inspected)
+    return (more > 0 or (more == 0 and fewer)) and set(plan.promises) <= set(other.promises)
 
 
 def _other_plan(run: SearchRun, plan: InspectionPlan, proof: _BoundOfEnds) -> InspectionPlan | None:
@@ -119,7 +119,7 @@ def _other_plan(run: SearchRun, plan: InspectionPlan, proof: _BoundOfEnds) -> In
     present = ends.seen(present, search=False)
     if not missing and not present:
         return None
-    targets = [name for name in run.names if name in plan.inspected or name in missing]
+    targets = [name for name in run.names if name in plan.promises or name in missing]
     split = split_problem(run.problem.restricted_to(targets), {*missing, *present}, present)
     proof.poses.append(ends.poses)
     return _SplitSearch(run, plan, split).plan(ends.poses)
@@ -149,7 +149,7 @@ class _BoundOfEnds:
         """Return a plan of whole targets with the bound of ends that exclude each other, and its own beside it."""
         n = min(1, len(plan.settings))
         exclusive = self._run.state.incompatible_ends
-        lost = set(exclusive) - set(plan.inspected)
+        lost = set(exclusive) - set(plan.promises)
         n = max(n, len(exclusive) - len(lost))
         return self._stated(plan, n, exclusion_proof(self._run.problem, n) if n > 1 else TRIVIAL)
 
@@ -162,7 +162,7 @@ class _BoundOfEnds:
         enough = len(plan.settings)
         if enough <= max(1, plan.lower_bound):
             return plan
-        apart = ends_apart(run.problem, list(plan.inspected))
+        apart = ends_apart(run.problem, list(plan.promises))
         judge = Judge(without_unproven(apart.problem) or apart.problem, run.effort)
         at_settings = np.array([setting.cam2world for setting in plan.settings])
         columns = judge(np.concatenate([*self.poses, at_settings])).inspects
@@ -197,7 +197,7 @@ class _BoundOfEnds:
 
 def _measured(plan: InspectionPlan, apart: Split) -> NDArray[np.bool_]:
     """Return which ends (s, e) the settings of a plan measure, alone or in the whole target."""
-    names = list(plan.inspected)
+    names = list(plan.promises)
     measured = np.zeros((len(plan.settings), len(apart.owner)), dtype=bool)
     for row, setting in zip(measured, plan.settings, strict=True):
         for k, (owner, entity) in enumerate(zip(apart.owner, apart.entity, strict=True)):
@@ -327,7 +327,7 @@ class _SplitSearch:
         n_targets = len(np.unique(self._split.owner[inspected]))
         membership = child.pool.membership[:, inspected]
         n_settings = len(few_columns(membership, child.nodes(), child.rng("known")))
-        if n_targets <= len(self._plan.inspected) and n_settings >= len(self._plan.settings):
+        if n_targets <= len(self._plan.promises) and n_settings >= len(self._plan.settings):
             return None
         columns = CountedColumns(child, inspected)
         columns.repair(columns.count_cover())
@@ -367,7 +367,7 @@ class _SplitSearch:
                 else:
                     settings = better
         measured = {name for setting in renamed for name in setting.entities}
-        if not measured.issuperset(self._plan.inspected):
+        if not measured.issuperset(self._plan.promises):
             # moved off its limits, a setting may fall short of the required P_all
             return None
         reasons = {**self._plan.uninspectable, **lost}

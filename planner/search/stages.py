@@ -986,7 +986,7 @@ def _chosen_among(
     assert plan.light is not None
     dark = plan.unlit
     shown = {name for setting in others for name in setting.entities} | {
-        n for n in plan.inspected if n not in dark
+        n for n in plan.promises if n not in dark
     }
     old = []
     for setting, shadows in zip(plan.settings, plan.light.unlit, strict=True):
@@ -1120,7 +1120,7 @@ def _light(state: PlanState, tools: Tools) -> None:
             return
         draft = assembled(tools.run, unmoved.settings, state.bound, state.proof)
         other = with_lamps(tools.run, tools.lighting, draft)
-        if set(other.inspected) == set(plan.inspected) and len(other.unlit) < len(plan.unlit):
+        if set(other.promises) == set(plan.promises) and len(other.unlit) < len(plan.unlit):
             plan = other
     state.plan = plan
 

@@ -13,13 +13,14 @@ from errors.checks import below_one
 from errors.measurands.geometry import Geometry, Line
 from ground.convert import STATED, Meta, from_plain, to_plain
 from ground.short_repr import count
-from planner.argument_kinds import check_count, check_kinds
+from planner.argument_kinds import check_callable, check_count, check_kinds
 from planner.camera.camera import Camera
 from planner.detectability.conditions import Detectability
 from planner.detectability.image_check import ImageCheck, Scanned
 from planner.exceptions import PlanFileError, RequestError
 from planner.plan_file import Count, Draws, Fraction
 from planner.progress import Progress, TimeIsUpError, TimeLeft, report
+from planner.request.camera_limits import check_seed
 from planner.request.targets import EdgeTarget, Target, targets_of
 from planner.verify.simulate_setting import (
     CONTRADICTED,
@@ -352,7 +353,8 @@ def simulate_plan(
     if not hasattr(plan, "settings"):
         check_kinds(plan=(plan, "InspectionPlan"))
     check_count("n", n, 1)
-    seed = rng if isinstance(rng, int) else None
+    check_callable("progress", progress)
+    seed = None if isinstance(rng, np.random.Generator) else check_seed(rng)
     pairs: Mapping[str, Any] = getattr(plan, "split", {})
     intervals = max(1, sum(len(setting.entities) for setting in plan.settings) + len(pairs))
     confidence = 1.0 - (1.0 - _CONFIDENCE) / intervals

@@ -6,7 +6,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from aspectgraph import Solid
+from aspectgraph import Solid, read_solid, richest_domains
+from aspectgraph.exceptions import AspectGraphError
 from planner import (
     Camera,
     Detectability,
@@ -16,13 +17,28 @@ from planner import (
     LampDome,
     Lighting,
     PoseUncertainty,
+    Registration,
     RequestError,
     SphereRegion,
     measure,
+    plan_figure,
+    plan_inspection,
+    predict,
+    propose_optics,
     read_plan,
+    write_poses,
 )
-from planner.argument_kinds import ABOVE_0_TO_1, FROM_0_BELOW_1, NOT_NEGATIVE, check_number
+from planner.argument_kinds import (
+    ABOVE_0_TO_1,
+    FROM_0_BELOW_1,
+    NOT_NEGATIVE,
+    check_number,
+    kind_shown,
+    shown,
+)
 from planner.callbacks import Deadline
+from planner.exceptions import PlannerError
+from planner.measuring.results import MeasurementResults
 from planner.request.models import Means
 from planner.request.problem import Objective
 
@@ -102,3 +118,111 @@ def test_measuring_names_the_argument_of_the_wrong_kind(order, told):
     with pytest.raises(RequestError) as info:
         measure(plan, solid, "images")
     assert str(info.value).startswith(told)
+
+
+def block():
+    return read_solid("examples/two_pocket_block.off")
+
+
+def example():
+    return read_plan("examples/two_pocket_block_plan.json")
+
+
+def planned(*options, **keywords):
+    return plan_inspection(block(), [1], CAMERA, UNCERTAINTY, *options, **keywords)
+
+
+WRONG_CALLS = {
+    "localisation": lambda: planned(localisation="gaussian:0.1"),
+    "options": lambda: planned({"accuracy": 0.9}),
+    "executor": lambda: planned(executor=2),
+    "space": lambda: planned(space="x"),
+    "on_incumbent": lambda: planned(on_incumbent=5),
+    "progress": lambda: planned(progress="yes"),
+    "registration": lambda: planned(registration="edges"),
+    "material": lambda: Lighting("ring", material="metal"),
+    "surfaces_mm": lambda: Registration.own_edges("x"),
+    "rng": lambda: example().simulate(10, rng="x"),
+    "plan": lambda: plan_figure(block(), example()),
+    "eag": lambda: richest_domains(5),
+    "folder": lambda: write_poses(example(), 5),
+    "path": lambda: example().to_csv(5),
+    "kind": lambda: Dimension("dist", (1, 2)),
+    "tolerance_mm": lambda: Dimension.distance(25, 27, tolerance_mm="±0.1"),
+    "changes": lambda: Camera.named("basler-acA2440-20gm-8mm", focus=400),
+    "pixel_pitch_mm": lambda: Camera(25.0, 3.45e-6, (2448, 2048), 8.0, 600.0),
+}
+
+
+@pytest.mark.parametrize("parameter", WRONG_CALLS)
+def test_a_wrong_call_names_its_parameter_in_one_line(parameter):
+    with pytest.raises((PlannerError, AspectGraphError)) as info:
+        WRONG_CALLS[parameter]()
+    assert info.value.parameter == parameter
+    assert "\n" not in str(info.value)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda solid: solid.straight_edges("5"),
+        lambda solid: solid.straight_edges(min_length_mm=math.nan),
+        lambda solid: solid.straight_edges(min_length_mm=-1),
+        lambda solid: solid.rims("x"),
+        lambda solid: solid.arcs("x"),
+    ],
+)
+def test_a_limit_of_edges_is_a_number(call):
+    with pytest.raises(AspectGraphError, match=r"must be a finite number from 0\. Got "):
+        call(block())
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: Camera.read(3),
+        lambda: CAMERA.write(3),
+        lambda: MeasurementResults.write_csv(object(), None),
+    ],
+)
+def test_what_is_no_path_is_refused(call):
+    with pytest.raises(PlannerError, match=r"^path must be a path\. Got "):
+        call()
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda options: predict(
+            block(), {"rim": 1}, np.eye(4), CAMERA, UNCERTAINTY, options=options
+        ),
+        lambda options: propose_optics(block(), {"rim": 1}, UNCERTAINTY, options=options),
+    ],
+)
+def test_options_are_one_value_everywhere(call):
+    with pytest.raises(RequestError, match=r"^options must be an InspectionOptions\. Got a dict\."):
+        call({"accuracy": 0.9})
+
+
+def test_hints_fit_the_call():
+    with pytest.raises(RequestError, match="the order of the arguments is plan, solid"):
+        plan_figure(block(), example())
+    with pytest.raises(PlannerError, match=r"3\.45e-06 m are 0\.00345\. Got 3\.45e-06\.$"):
+        Camera(25.0, 3.45e-6, (2448, 2048), 8.0, 600.0)
+    with pytest.raises(PlannerError, match="did you mean focus_distance_mm"):
+        Camera.named("basler-acA2440-20gm-8mm", focus=400)
+    with pytest.raises(RequestError, match=r"Got 'edges'\.$"):
+        planned(registration="edges")
+    with pytest.raises(RequestError, match="Got 2 for an angle"):
+        Dimension("angle", (25, 26), places=2)
+    # where no image is there, none can be measured
+    with pytest.raises(RequestError, match=r"Got no setting_01\.$"):
+        measure(example(), block(), {})
+
+
+def test_a_shortened_text_keeps_its_closing_quote():
+    for text in (kind_shown("x" * 90), shown("x" * 90)):
+        assert text.startswith("'x")
+        assert text.endswith("...'")
+    assert len(kind_shown("x" * 90)) == 40
+    assert not shown(list(range(90))).endswith("'")

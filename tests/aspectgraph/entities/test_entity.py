@@ -565,3 +565,20 @@ def test_runs_of_an_arc_reach_from_its_start_to_its_end():
 def test_bad_numbers_are_refused(make):
     with pytest.raises(EntityError, match="must"):
         make(holed_plate())
+
+
+def test_an_edge_is_named_as_tables_show_it(tmp_path):
+    """Names stand on the left and ids on the right, so that "e4" may name another edge."""
+    solid = l_block()
+    assert list(resolve_entities(solid, ["e3"])) == ["e3"]
+    named = resolve_entities(solid, {"e4": "e3", "other": "e4"})
+    assert [entity.edge_ids for entity in named.values()] == [(3,), (4,)]
+    assert list(resolve_entities(solid, {"e4", 3})) == ["e3", "e4"]
+    assert Stretch("e3", 0, "1/2") == Stretch(3, 0, "1/2")
+    path = tmp_path / "named.toml"
+    path.write_text('e4 = "e3"\nother = "e4"\n')
+    assert [entity.edge_ids for entity in read_entities(path, solid).values()] == [(3,), (4,)]
+    with pytest.raises(EntityError, match="an edge must be named once"):
+        resolve_entities(solid, [3, "e3"])
+    with pytest.raises(EntityError, match=r"an edge id must be in 0\.\.\d+\. Got 999\."):
+        resolve_entities(solid, ["e999"])

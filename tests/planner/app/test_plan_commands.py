@@ -105,7 +105,8 @@ def test_a_plan_without_the_light_asked_for_is_incomplete(folder, capsys, monkey
     assert told["plan"]["light"] is None
     found = read_plan(folder / "out" / "plan.json")
     assert found.light_missing
-    assert found.complete
+    assert not found.complete
+    assert not found.uninspectable
     page = (folder / "out" / "report.html").read_text()
     assert "Light is not planned yet, so nothing is promised of contrast" in page
 

@@ -82,7 +82,7 @@ def test_arrays_and_files_by_number_or_name(tmp_path):
         (
             {"setting_01": grey()},
             r"images must be the 3 images of the plan, setting_01 to setting_03. "
-            r"Got no setting_02, setting_03; --partial measures what is there.",
+            r"Got no setting_02, setting_03; partial=True measures what is there.",
         ),
         (three(setting_09=grey()), "Got setting_09, which the plan does not take."),
         (

@@ -369,6 +369,16 @@ def test_what_no_lamp_shows_is_not_counted_as_inspected():
     )
     made = plan(settings=settings, light=light)
     assert made.unlit == ("top right",)
+    assert list(made.inspected) == ["top front"]
+    assert sorted(made.promises) == ["top front", "top right"]
+    all_seen = replace(
+        made, uninspectable={}, request=replace(made.request, targets=made.request.targets[:2])
+    )
+    assert not all_seen.complete
+    assert replace(all_seen, light=replace(light, unlit=({}, {}))).complete
+    early = replace(made, unfinished=True)
+    assert "No lamp shows top right from these poses." in verdict(early)
+    assert "may find other poses, from which lamps show more targets" in verdict(early)
     n = len(made.entities)
     for text in (brief_verdict(made), verdict(made)):
         assert text.startswith(f"1 of {n} entities inspected from 2 settings")

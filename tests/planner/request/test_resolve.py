@@ -794,3 +794,16 @@ def test_a_distance_has_a_class_of_either_kind():
         _, (target,) = resolve_wanted(PLATE, {"depth": depth}, 0.98)
         assert target.tolerance == limits
         assert target.permitted_error == pytest.approx(0.062 / 8)
+
+
+def test_an_edge_of_a_dimension_is_named_as_tables_show_it():
+    assert (
+        Dimension.distance("e25", 27) == Dimension.distance(25, "e27") == Dimension.distance(25, 27)
+    )
+    solid = prism(((0.0, 0.0), (60.0, 0.0), (60.0, 30.0), (0.0, 30.0)), 20.0)
+    first, second = (edge.id for edge in solid.straight_edges()[:2])
+    # the name of an item is no id
+    wanted = {f"e{second}": f"e{first}", "other": f"e{second}"}
+    entities, targets = resolve_wanted(solid, wanted, 0.98, as_lengths=True)
+    assert [entity.edge_ids for entity in entities.values()] == [(first,), (second,)]
+    assert [target.name for target in targets] == list(wanted)

@@ -479,7 +479,8 @@ def test_a_pose_is_found_from_which_the_lamp_shows_an_edge():
 def test_what_is_shown_from_nowhere_stays_measured():
     """Below the part, a lamp shows neither the top nor, from behind the face, that one."""
     found = planned(lamps=[(200.0, 25.0, -300.0)])
-    assert found.complete
+    assert not found.uninspectable
+    assert not found.complete
     assert list(found.light.unlit[0]) == ["left"]
 
 
