@@ -389,6 +389,8 @@ CAMERAS = {
     "sum of four of 12 bits": {"white": 4 * 4095, "step": 4},
     "mean of three of 12 bits": {"white": 4095},
     "below the converter's end": {"white": 3712},
+    "8 bits in 16": {"white": 65535, "step": 257},
+    "8 bits in 12": {"white": 4095, "step": 4095 / 255},
 }
 
 
@@ -411,6 +413,8 @@ def test_white_is_where_the_brightest_pixels_end(how, times):
         ("12 bits, upper", 4095 * 16),
         ("14 bits", 16383),
         ("16 bits", 65535),
+        ("8 bits in 16", 65535),
+        ("8 bits in 12", 4095),
     ],
 )
 def test_without_a_plateau_white_is_that_of_the_bits(how, white):
@@ -459,6 +463,31 @@ def test_white_of_floats(divided_by):
     image = stored(light(2.0), 16383) / divided_by
     assert white_of(image.astype(np.float32)).level == pytest.approx(16383 / divided_by, rel=1e-4)
     assert white_of(light()) == (1.0, DEPTH)
+
+
+# what programs make of 8 bits
+STRETCHES = {
+    "16 bits": lambda grey: grey * 257,
+    "12 bits": lambda grey: np.rint(grey * (4095 / 255)).astype(np.uint16),
+    "14 bits": lambda grey: (grey * (16383 / 255)).astype(np.uint16),
+    "floats": lambda grey: grey / 255,
+    "single floats": lambda grey: (grey / 255).astype(np.float32),
+    "light of a gamma curve": lambda grey: (grey / 255) ** 2.2,
+}
+
+
+@pytest.mark.parametrize("stretch", STRETCHES.values(), ids=list(STRETCHES))
+def test_stretched_levels_are_judged_as_those_of_the_camera(stretch):
+    """An even face has a few levels of 8 bits. They are far from each other in more bits, and not clipped."""
+    even = np.where(light() > 0.4, 0.7, 0.3) + np.random.default_rng(5).normal(0, 0.004, U.shape)
+    grey = stored(even, 255).astype(np.uint16)
+    assert white_of(grey.astype(np.uint8)) == (255, DEPTH)
+    white = float(np.asarray(stretch(np.array([255], dtype=np.uint16)))[0])
+    assert white_of(stretch(grey)) == (white, DEPTH)
+    clipped = stored(light(1.4), 255)
+    found = white_of(stretch(clipped))
+    assert found.origin == PLATEAU
+    assert found.level == pytest.approx(white, rel=1e-6)
 
 
 @pytest.mark.parametrize(
