@@ -29,11 +29,9 @@ from planner.exceptions import PlanFileError, PlannerError, RequestError
 from planner.files import (
     absolute,
     check_set_place,
-    file_digest,
     name_text,
     output_folder,
     path_text,
-    plan_file,
     print_json,
     read_json,
     staged_folder,
@@ -101,7 +99,7 @@ def measure(options: Measure) -> int:
         check_same_part(solid, plan, options.part)
         if not options.force:
             _check_places(parts, solid)
-        measurer = Measurer(plan, solid, plan_digest=_plan_digest(options))
+        measurer = Measurer(plan, solid)
         outcomes = [_measured(measurer, part, measure_options, options) for part in parts]
     reasons = {
         part.serial: outcome
@@ -125,12 +123,6 @@ def measure(options: Measure) -> int:
         for outcome in outcomes
     ]
     return max(codes, key=_SEVERITY.index)
-
-
-def _plan_digest(options: Measure) -> str:
-    """Return the digest of the plan's file; nothing of what can be read only once."""
-    path = plan_file(options.plan)
-    return file_digest(path) if path.is_file() else ""
 
 
 def render(options: Render) -> int:

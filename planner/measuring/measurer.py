@@ -386,8 +386,6 @@ class Measurer:
         The plan.
     solid : Solid
         Its part.
-    plan_digest : str
-        SHA-256 of the plan's file, for the results. Default: that of the file that the plan would be written to.
 
     Raises
     ------
@@ -404,9 +402,8 @@ class Measurer:
     'setting_01'
     """
 
-    def __init__(self, plan: InspectionPlan, solid: Solid, *, plan_digest: str = "") -> None:
+    def __init__(self, plan: InspectionPlan, solid: Solid) -> None:
         check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"))
-        self._given_digest = plan_digest
         self._digest = PartRecord.of(solid).digest
         why = plan.request.other_part(solid)
         if why:
@@ -1118,7 +1115,7 @@ class Measurer:
             images=dict(found.digests),
             date=timestamp(),
             operator=operator,
-            plan_digest=self._given_digest or self.plan.digest,
+            plan_digest=self.plan.digest,
             camera=self.plan.camera,
         )
 

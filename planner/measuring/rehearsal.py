@@ -106,7 +106,7 @@ class Truth:
     white_level : int
         Grey value of full exposure.
     plan_digest : str
-        Of the plan's file, SHA-256; empty in older files.
+        Of the plan's file, SHA-256, see `InspectionPlan.digest`; empty in older files.
     """
 
     seed: int
