@@ -28,7 +28,14 @@ from planner.exceptions import RequestError
 from planner.files import timestamp
 from planner.identity import PartRecord
 from planner.light.light_plan import beside, irradiance
-from planner.measuring.advice import advice_of_images, advised, with_advice
+from planner.measuring.advice import (
+    advice_of_images,
+    advised,
+    lacks_registration,
+    of_poses,
+    unregistered_note,
+    with_advice,
+)
 from planner.measuring.images import WELL_EXPOSED, ImageSet, Picture, Shot, read_images, shots_of
 from planner.measuring.merging import (
     ScannedEnd,
@@ -103,15 +110,18 @@ _FEWEST = 5
 _FEWEST_LEVELS = 2
 
 
-def _unplanned(plan: InspectionPlan) -> list[str]:
-    """Say which light was requested and is not planned, and what the CAD model requires and the plan leaves out."""
+def _unplanned(plan: InspectionPlan, options: MeasureOptions) -> list[str]:
+    """Say which light and registration the plan counts on in vain, and what it leaves out of the CAD model."""
     names: dict[str, list[str]] = {}
     for name, reason in plan.not_planned.items():
         names.setdefault(reason, []).append(name)
     light = ["light was requested and is not planned yet, so nothing is promised of contrast"]
-    return (light if plan.light_missing else []) + [
-        f"not planned, and so not measured: {', '.join(of)}: {why}" for why, of in names.items()
-    ]
+    poses = [unregistered_note(plan)] if lacks_registration(plan, options.registration) else []
+    return (
+        (light if plan.light_missing else [])
+        + poses
+        + [f"not planned, and so not measured: {', '.join(of)}: {why}" for why, of in names.items()]
+    )
 
 
 def image_notes(
@@ -508,7 +518,7 @@ class Measurer:
             serial,
             self._correlation(results, joint),
             self._source(image_set, operator),
-            (*of_images, *notes, *_unplanned(self.plan)),
+            (*of_images, *notes, *_unplanned(self.plan, options)),
             pictures,
             response.records(),
             edges_text(results, states, unseen) + (" (as images show)" if uses_seen else ""),
@@ -618,6 +628,8 @@ class Measurer:
                     readings[reading.name].append(
                         advised(reading, picture, pose.blur_px, is_unlit=is_unlit)
                     )
+        if lacks_registration(self.plan, options.registration):
+            return {name: list(map(of_poses, each)) for name, each in readings.items()}
         return readings
 
     def _joined(

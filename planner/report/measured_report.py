@@ -454,6 +454,7 @@ def _facts(results: MeasurementResults) -> dict[str, str]:
         "Measured": source.date,
         "Operator": source.operator or "not stated",
         "Decision rule": str(results.rule),
+        "Poses of images": _poses_text(results),
         "Grey values": _response_text(results),
         "Program": f"aspectgraph {source.program}",
         "Digest of the part": source.part_digest[:_DIGEST_DIGITS],
@@ -461,6 +462,22 @@ def _facts(results: MeasurementResults) -> dict[str, str]:
         **(_camera_facts(source.camera) if source.camera is not None else {}),
     }
     return {name: value for name, value in rows.items() if value}
+
+
+# how the poses of images are known, by the method of their registration
+_POSES = {
+    "planned": "as planned, not registered",
+    "given": "as given",
+    "own edges": "registered to the part's edges",
+    "fiducials": "registered to fiducials",
+    "fiducials and own edges": "registered to fiducials and the part's edges",
+}
+
+
+def _poses_text(results: MeasurementResults) -> str:
+    """Return how the poses of images are known; nothing if none is."""
+    methods = dict.fromkeys(image.method for image in results.images.values())
+    return "; ".join(_POSES[method] for method in methods)
 
 
 # what says which response an image has
