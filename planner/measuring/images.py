@@ -489,7 +489,7 @@ def read_images(
         )
     _check_names(files, shots, partial)
     image_set = ImageSet()
-    wrong = []
+    wrong: dict[str, list[str]] = {}
     for shot in shots:
         if shot.name not in files:
             image_set.notes.append(f"{shot.name}: no image")
@@ -499,17 +499,22 @@ def read_images(
             _check_size(image, camera)
             _check_white(image, camera)
         except RequestError as error:
-            wrong.append(f"{shot.name}: {error.rule or error}")
+            wrong.setdefault(str(error.rule or error), []).append(shot.name)
             continue
         image_set.images[shot.name] = image
         image_set.digests[shot.name] = digest
         if response is not None:
             image_set.responses[shot.name] = response
         image_set.notes += [f"{shot.name}: {note}" for note in notes]
-    wrong += _twice(image_set.digests)
+    for name, reason in _twice(image_set.digests).items():
+        wrong.setdefault(reason, []).append(name)
     if wrong:
+        parts = [
+            f"{_listed(names)}, {'each of which' if len(names) > 1 else 'which'} {reason}"
+            for reason, names in wrong.items()
+        ]
         raise RequestError.of_rule(
-            "images", "must be images of the plan's settings", "; ".join(wrong[:_LISTED])
+            "images", "must be as the plan's camera takes them", "; and ".join(parts[:_LISTED])
         )
     return image_set
 
@@ -810,13 +815,13 @@ def _check_white(image: NDArray[Any], camera: Camera) -> None:
         )
 
 
-def _twice(digests: Mapping[str, str]) -> list[str]:
-    """Say which images are the same bytes."""
+def _twice(digests: Mapping[str, str]) -> dict[str, str]:
+    """Say of images that they are the same bytes as another one."""
     first: dict[str, str] = {}
-    wrong = []
+    wrong = {}
     for name, digest in digests.items():
         if digest in first:
-            wrong.append(f"{name}: is the same image as {first[digest]}")
+            wrong[name] = f"is the same image as {first[digest]}"
         first.setdefault(digest, name)
     return wrong
 

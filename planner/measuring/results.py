@@ -55,7 +55,7 @@ _SEVERAL = {"conforms": "conform", "does not conform": "do not conform"}
 
 def number_text(value: float, uncertainty: float) -> str:
     """Return a value with as many decimals as its uncertainty has with two digits."""
-    return f"{value:.{decimals_of(uncertainty)}f}"
+    return f"{value:z.{decimals_of(uncertainty)}f}"
 
 
 def decimals_of(uncertainty: float) -> int:
@@ -388,7 +388,10 @@ def _header(root: ET.Element, results: MeasurementResults) -> None:
     also = ""
     if names:
         also = f"; not in this file: {', '.join(names)}"
-    _add(header, "Description", f"{part}; decisions by {results.rule}; u is combined{also}")
+    by = ""
+    if results.source.camera is not None:
+        by = f"; camera {results.source.camera.name or 'without a name'}"
+    _add(header, "Description", f"{part}; decisions by {results.rule}; u is combined{by}{also}")
     _add(header, "Scope", "Results")
 
 
@@ -529,13 +532,15 @@ def _results(
     measured = _add(sets, "MeasurementResults", id=ids.next())
     part = ids.next()
     _traceability(measured, results.source)
-    images = results.source.images
-    if images:
-        files = _list(measured, "ExternalFileReferences", len(images))
-        for name, digest in images.items():
+    references = [(name, "image", digest) for name, digest in results.source.images.items()]
+    if results.source.plan_digest:
+        references.insert(0, ("plan.json", "inspection plan", results.source.plan_digest))
+    if references:
+        files = _list(measured, "ExternalFileReferences", len(references))
+        for name, kind, digest in references:
             file = _add(files, "ExternalFileReference")
             _add(file, "URI", name)
-            _add(_add(file, "FileSpec"), "OtherFileSpec", "image")
+            _add(_add(file, "FileSpec"), "OtherFileSpec", kind)
             _add(file, "Description", f"SHA-256 {digest}")
     lists = _add(measured, "MeasuredCharacteristics")
     parent_list = _list(lists, "CharacteristicMeasurements", len(items))
@@ -989,7 +994,8 @@ def _rounded_row(row: Mapping[str, Any]) -> dict[str, Any]:
         if not isinstance(value, float):
             continue
         if name in ("value", "deviation", "u", "U", "interval_from", "interval_to", "bonus"):
-            rounded[name] = round(value, decimals + (name == "u"))
+            # no -0.0
+            rounded[name] = round(value, decimals + (name == "u")) + 0.0
         elif name == "U_foreseen":
             rounded[name] = round(value, decimals_of(value))
         elif name == "nominal":

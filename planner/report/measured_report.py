@@ -77,11 +77,16 @@ def image_notes(results: MeasurementResults, *, is_brief: bool = False) -> Itera
     """Yield what is to be known of the edges, in full or in one sentence, and of the images."""
     if results.edges:
         yield f"edges: {_brief_edges(results) if is_brief else results.edges}"
+    alike: dict[str, list[str]] = {}
     for note in results.notes:
         image, _, text = note.partition(": ")
         # a note need not be about an image
-        if image not in results.failed or text.rpartition(": ")[2] not in results.failed[image]:
-            yield f"note: {note}"
+        if image not in results.pictures:
+            alike.setdefault(note, [])
+        elif text.rpartition(": ")[2] not in results.failed.get(image, ""):
+            alike.setdefault(text, []).append(image)
+    for text, images in alike.items():
+        yield f"note: {enumerated(images)}: {text}" if images else f"note: {text}"
     for why, images in _by_text(results.failed).items():
         yield f"{enumerated(images)} cannot be registered: {why}"
 
@@ -681,7 +686,7 @@ def _sentence(result: Result) -> str:
     decimals = decimals_of(result.expanded_uncertainty)
     text = (
         f"{result.kind.replace('_', ' ').capitalize()} {amount_text(value, result.unit)}, "
-        f"deviation {_minus(f'{result.deviation:+.{decimals}f}')}, U = {uncertainty}."
+        f"deviation {_minus(f'{result.deviation:+z.{decimals}f}')}, U = {uncertainty}."
     )
     if result.interval is not None:
         zone = nominal_text(result)

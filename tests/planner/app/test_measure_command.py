@@ -200,7 +200,9 @@ def test_one_bad_part_has_a_reason_and_the_others_are_measured(folder, tmp_path,
     assert run(folder, tmp_path, *given(folder), "--parts", "--qif", out="many") == 2
     out, error = capsys.readouterr()
     assert error == "aspectgraph: 3 of 4 parts not measured: N1, N2, N3\n"
-    assert "N1: not measured: the images must be images" in " ".join(out.split())
+    assert "N1: not measured: the images must be as the plan's camera takes them" in " ".join(
+        out.split()
+    )
     assert "N2: not measured: the images must be an existing folder. Got a link" in out.replace(
         "\n", " "
     )
