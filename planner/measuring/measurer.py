@@ -33,7 +33,7 @@ from planner.measuring.advice import (
     advised,
     lacks_registration,
     of_poses,
-    unregistered_note,
+    plan_notes,
     with_advice,
 )
 from planner.measuring.images import WELL_EXPOSED, ImageSet, Picture, Shot, read_images, shots_of
@@ -108,20 +108,6 @@ _LEVELS = 20
 # of places at a level, and of levels that are not overexposed, to know how bright the part is
 _FEWEST = 5
 _FEWEST_LEVELS = 2
-
-
-def _unplanned(plan: InspectionPlan, options: MeasureOptions) -> list[str]:
-    """Say which light and registration the plan counts on in vain, and what it leaves out of the CAD model."""
-    names: dict[str, list[str]] = {}
-    for name, reason in plan.not_planned.items():
-        names.setdefault(reason, []).append(name)
-    light = ["light was requested and is not planned yet, so nothing is promised of contrast"]
-    poses = [unregistered_note(plan)] if lacks_registration(plan, options.registration) else []
-    return (
-        (light if plan.light_missing else [])
-        + poses
-        + [f"not planned, and so not measured: {', '.join(of)}: {why}" for why, of in names.items()]
-    )
 
 
 def image_notes(
@@ -434,7 +420,7 @@ class Measurer:
         }
         area = None if plan.light is None else plan.light.area
         self.model = PartModel(solid, self.by_witness, area)
-        self._ends = self._ends_of_others()
+        self.ends = self._ends_of_others()
 
     @with_one_thread
     def measure(
@@ -518,7 +504,7 @@ class Measurer:
             serial,
             self._correlation(results, joint),
             self._source(image_set, operator),
-            (*of_images, *notes, *_unplanned(self.plan, options)),
+            (*of_images, *notes, *plan_notes(self.plan, options.registration, images)),
             pictures,
             response.records(),
             edges_text(results, states, unseen) + (" (as images show)" if uses_seen else ""),
@@ -649,7 +635,7 @@ class Measurer:
                 if name in setting.ends:
                     continue
                 free_of[name] |= self.model.free_of[witness_key(setting, name)]
-        for name, ends in self._ends.items():
+        for name, ends in self.ends.items():
             free_of[name] = set().union(*(end.free for end in ends))
         return PartPosterior(
             self.model, self.plan.camera, [g for g in groups if g], free_of, self._places_mm()
@@ -884,7 +870,7 @@ class Measurer:
 
     def _why_unregistered(self, failed: Mapping[str, tuple[str, str]]) -> dict[str, list[str]]:
         """Return by target why images that the plan has for its ends cannot be registered."""
-        why: dict[str, list[str]] = {name: [] for name in self._ends}
+        why: dict[str, list[str]] = {name: [] for name in self.ends}
         for shot in self.shots:
             if shot.name not in failed:
                 continue
@@ -905,13 +891,13 @@ class Measurer:
 
         ``why`` says of each which images cannot be used.
         """
-        best: dict[str, dict[int, ScannedEnd]] = {name: {} for name in self._ends}
+        best: dict[str, dict[int, ScannedEnd]] = {name: {} for name in self.ends}
         for shot in self.shots:
             image = registered.get(shot.name)
             if image is None:
                 continue
             planned = self.plan.settings[shot.setting].ends
-            for name, ends in self._ends.items():
+            for name, ends in self.ends.items():
                 groups = end_groups(ends[0].value.whole)
                 for k, end in enumerate(ends):
                     is_planned = name in planned and k in groups[planned[name]]
@@ -938,7 +924,7 @@ class Measurer:
         }
         results = dict(missing)
         for name, scans in best.items():
-            if len(scans) < len(self._ends[name]):
+            if len(scans) < len(self.ends[name]):
                 continue
             entities = [scans[k] for k in sorted(scans)]
             target = self.plan.targets[name]
