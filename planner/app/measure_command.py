@@ -29,6 +29,7 @@ from planner.exceptions import PlanFileError, PlannerError, RequestError
 from planner.files import (
     absolute,
     check_set_place,
+    file_digest,
     name_text,
     output_folder,
     path_text,
@@ -99,7 +100,10 @@ def measure(options: Measure) -> int:
         check_same_part(solid, plan, options.part)
         if not options.force:
             _check_places(parts, solid)
-        measurer = Measurer(plan, solid)
+        # what can be read only once has no digest
+        path = Path(options.part)
+        digest = file_digest(path) if path.is_file() else ""
+        measurer = Measurer(plan, solid, part_file_sha256=digest)
         outcomes = [_measured(measurer, part, measure_options, options) for part in parts]
     reasons = {
         part.serial: outcome

@@ -382,6 +382,8 @@ class Measurer:
         The plan.
     solid : Solid
         Its part.
+    part_file_sha256 : str
+        SHA-256 of the part's file, for the results.
 
     Raises
     ------
@@ -398,8 +400,9 @@ class Measurer:
     'setting_01'
     """
 
-    def __init__(self, plan: InspectionPlan, solid: Solid) -> None:
+    def __init__(self, plan: InspectionPlan, solid: Solid, *, part_file_sha256: str = "") -> None:
         check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"))
+        self._part_file_sha256 = part_file_sha256
         self._digest = PartRecord.of(solid).digest
         why = plan.request.other_part(solid)
         if why:
@@ -1115,6 +1118,7 @@ class Measurer:
             operator=operator,
             plan_digest=self.plan.digest,
             camera=self.plan.camera,
+            part_file_sha256=self._part_file_sha256,
         )
 
 

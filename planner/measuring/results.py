@@ -918,7 +918,7 @@ class Source:
     program : str
         The program's version.
     part, part_digest : str
-        The part with its SHA-256.
+        The part, and the SHA-256 of its vertices and triangles.
     images : mapping of str to str
         The SHA-256 of each image.
     date : str
@@ -929,6 +929,8 @@ class Source:
         SHA-256 of the plan as its file has it.
     camera : Camera or None
         The calibration by which pixels became directions.
+    part_file_sha256 : str
+        SHA-256 of the part's file; empty if it is not known.
     """
 
     program: str
@@ -939,6 +941,7 @@ class Source:
     operator: str = ""
     plan_digest: str = ""
     camera: Camera | None = None
+    part_file_sha256: str = ""
 
 
 @dataclass(frozen=True)

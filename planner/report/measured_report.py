@@ -463,6 +463,7 @@ def _facts(results: MeasurementResults) -> dict[str, str]:
         "Grey values": _response_text(results),
         "Program": f"aspectgraph {source.program}",
         "Digest of the part": source.part_digest[:_DIGEST_DIGITS],
+        "Digest of the part's file": source.part_file_sha256[:_DIGEST_DIGITS],
         "Digest of the plan": source.plan_digest[:_DIGEST_DIGITS],
         **(_camera_facts(source.camera) if source.camera is not None else {}),
     }
