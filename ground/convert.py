@@ -760,6 +760,8 @@ class _Record(_Kind):
         super().__init__(metas, "must be an object")
         self.cls = cls
         self.fields = fields
+        # a constructor may round, what files hold is rounded already
+        self._make = getattr(cls, "as_stored", cls)
 
     def read(self, value: Any, path: Path) -> Any:
         if isinstance(value, self.cls):
@@ -777,7 +779,7 @@ class _Record(_Kind):
             if not self.fields[key].is_derived
         }
         try:
-            record = self.cls(**arguments)
+            record = self._make(**arguments)
         except ValueError as error:
             raise _Refusal(path) from error
         self._check_derived(record, items, path)

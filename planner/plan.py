@@ -17,7 +17,7 @@ import numpy as np
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.exceptions import PlanFileError
-from planner.files import encoded, plan_file, read_json, write_text
+from planner.files import encoded, file_digest, plan_file, read_json, write_text
 from planner.plan_file import FORMAT, VERSION
 from planner.plan_tables import PlanTables
 from planner.request.words import features_text
@@ -112,6 +112,8 @@ class InspectionPlan(PlanTables):
     split: Mapping[str, SplitValue] = field(default_factory=dict)
     whole_bound: int = 0
     foreseen: tuple[Foreseen, ...] = ()
+    # no field: a changed copy is not what the file holds
+    _file_digest = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "settings", tuple(self.settings))
@@ -496,8 +498,8 @@ class InspectionPlan(PlanTables):
 
     @property
     def digest(self) -> str:
-        """SHA-256 of what the plan's file holds, 64 hexadecimal digits."""
-        return hashlib.sha256(self.file_text().encode()).hexdigest()
+        """SHA-256 of the plan's file, 64 hexadecimal digits: of that it was read from, or that `write` would write."""
+        return self._file_digest or hashlib.sha256(self.file_text().encode()).hexdigest()
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, InspectionPlan):
@@ -537,9 +539,13 @@ def read_plan(path: str | os.PathLike[str]) -> InspectionPlan:
     path = plan_file(path)
     data = read_json(path, "plan file")
     try:
-        return _from_json(InspectionPlan, data)
+        plan = _from_json(InspectionPlan, data)
     except PlanFileError as error:
         raise PlanFileError(f"{path}: {error}") from None
+    # an older release, or a person, may have written it otherwise; a pipe can be read only once
+    if path.is_file():
+        object.__setattr__(plan, "_file_digest", file_digest(path))
+    return plan
 
 
 def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:

@@ -22,6 +22,8 @@ Vector = Annotated[NDArray[np.float64], Shape(3), Meta(ge=-1e9, le=1e9)]
 
 
 _UNIT = 1e-9
+# by how much a unit vector changes when it is divided by its length again
+_ROUNDED = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +119,16 @@ class Circle:
                     f"start must not run along the axis. Got {np.asarray(self.start).tolist()}."
                 )
             object.__setattr__(self, "start", across / size)
+
+    @classmethod
+    def as_stored(cls, **values: Any) -> Circle:
+        """Return the circle of a file: a unit vector there is not rounded once more, so the file stays as it is."""
+        circle = cls(**values)
+        for name in ("axis", "start"):
+            unit = getattr(circle, name)
+            if unit is not None and np.abs(unit - values[name]).max() <= _ROUNDED:
+                object.__setattr__(circle, name, _vector(name, values[name]))
+        return circle
 
     @property
     def is_closed(self) -> bool:

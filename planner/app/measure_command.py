@@ -33,7 +33,6 @@ from planner.files import (
     name_text,
     output_folder,
     path_text,
-    plan_file,
     print_json,
     read_json,
     staged_folder,
@@ -101,7 +100,10 @@ def measure(options: Measure) -> int:
         check_same_part(solid, plan, options.part)
         if not options.force:
             _check_places(parts, solid)
-        measurer = Measurer(plan, solid, plan_digest=_plan_digest(options))
+        # what can be read only once has no digest
+        path = Path(options.part)
+        digest = file_digest(path) if path.is_file() else ""
+        measurer = Measurer(plan, solid, part_file_sha256=digest)
         outcomes = [_measured(measurer, part, measure_options, options) for part in parts]
     reasons = {
         part.serial: outcome
@@ -125,12 +127,6 @@ def measure(options: Measure) -> int:
         for outcome in outcomes
     ]
     return max(codes, key=_SEVERITY.index)
-
-
-def _plan_digest(options: Measure) -> str:
-    """Return the digest of the plan's file; nothing of what can be read only once."""
-    path = plan_file(options.plan)
-    return file_digest(path) if path.is_file() else ""
 
 
 def render(options: Render) -> int:

@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.camera.response import LINEAR
+from planner.exceptions import PlanFileError
+from planner.files import read_json
 from planner.measuring.images import DARK_SHARE, MOST_BLUR_PX, STATED, Picture, longer
 from planner.measuring.reading import Reading, largest_state
+from planner.measuring.registration import PLANNED, Registration
 from planner.measuring.samples import STATE_TEXTS, State
+from planner.verify.setting_record import search_windows_px
+
+if TYPE_CHECKING:
+    from planner.plan import InspectionPlan
+
+TRUTH = "truth.json"
+"""File of the true values, beside rendered images."""
 
 SHORTER = "expose for a shorter time: edges lie beside overexposed places"
 FOCUS = "focus: blurred edges run into each other"
@@ -34,6 +47,7 @@ ROUGH = (
 OUTSIDE = "check the pose: the edge leaves the image"
 ANOTHER = "nothing of the part is where it should be: is it an image of this part and setting?"
 UNLIT = "move a lamp or add one: the plan has none that shows it here"
+REGISTER = "register the image: nothing else tells how far it is off its planned pose"
 HIDDEN = "measure it from another view: the part hides it here"
 
 # of samples that are lost in the likeliest way; blur makes others
@@ -47,6 +61,11 @@ _BY_STATE = {
     State.OUTSIDE: OUTSIDE,
     State.HIDDEN: HIDDEN,
 }
+# how edges are lost that are not where they are looked for
+_OF_POSE = tuple(
+    STATE_TEXTS[state]
+    for state in (State.TWO_STEPS, State.SHADOW, State.NEAR_LINE, State.AT_END, State.OUTLIER)
+)
 _BY_TEXT = {STATE_TEXTS[state]: advice for state, advice in _BY_STATE.items()}
 _OF_BLUR = tuple(
     STATE_TEXTS[state] for state in (State.WEAK, State.TWO_STEPS, State.AT_END, State.OUTLIER)
@@ -54,6 +73,8 @@ _OF_BLUR = tuple(
 # px around samples, to see whether there is light
 _AROUND_PX = 4
 _BRIGHT = 0.95
+# of a digest in a sentence
+_DIGITS = 12
 # share of the samples of all edges below which an image shows nothing of the part in its place
 _NOTHING_SHARE = 0.02
 
@@ -98,6 +119,73 @@ def advice_of(
     return LIGHT
 
 
+def lacks_registration(plan: InspectionPlan, how: Registration) -> bool:
+    """Return whether images are taken at planned poses, although the plan counts on their registration."""
+    return plan.request.registration is not None and how.method == PLANNED
+
+
+def of_poses(reading: Reading) -> Reading:
+    """Return a reading of an image that lacks registration, with the likeliest cause of what is lost."""
+    is_lost = not reading.measured and bool(reading.points)
+    if is_lost and (reading.moved or largest_state(reading.counts) in _OF_POSE):
+        return replace(reading, advice=REGISTER)
+    return reading
+
+
+def unregistered_note(plan: InspectionPlan) -> str:
+    """Return the note on images that lack registration."""
+    windows = (search_windows_px(plan, setting).values() for setting in plan.settings)
+    widest = max(max(of_setting, default=0.0) for of_setting in windows)
+    return (
+        "the images are not registered, and the plan counts on it. They may be up to about "
+        f"{widest:.0f} px off the planned poses. Register them to the part's edges or to a board"
+    )
+
+
+def rendered_note(plan: InspectionPlan, images: object) -> str:
+    """Return the note on a folder whose images were rendered for another plan; nothing of other images."""
+    if not isinstance(images, str | os.PathLike):
+        return ""
+    try:
+        truth = read_json(Path(images) / TRUTH, "file")
+    except PlanFileError:
+        return ""
+    digest = truth.get("plan_digest") if isinstance(truth, dict) else ""
+    if not isinstance(digest, str) or digest in ("", plan.digest):
+        return ""
+    return (
+        f"the images were rendered for another plan: {TRUTH} beside them states the SHA-256 {digest[:_DIGITS]}… of "
+        f"its file, and that of this plan is {plan.digest[:_DIGITS]}…. Render them again if settings differ"
+    )
+
+
+def plan_notes(plan: InspectionPlan, how: Registration, images: object) -> list[str]:
+    """Return notes on what a plan counts on in vain, and on what it leaves out of the CAD model.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    how : Registration
+        How the poses of the images are known.
+    images : path or mapping
+        Where they are from.
+    """
+    notes = [text for text in [rendered_note(plan, images)] if text]
+    if plan.light_missing:
+        notes.append(
+            "light was requested and is not planned yet, so nothing is promised of contrast"
+        )
+    if lacks_registration(plan, how):
+        notes.append(unregistered_note(plan))
+    names: dict[str, list[str]] = {}
+    for name, reason in plan.not_planned.items():
+        names.setdefault(reason, []).append(name)
+    return notes + [
+        f"not planned, and so not measured: {', '.join(of)}: {why}" for why, of in names.items()
+    ]
+
+
 def brightness(picture: Picture, places: NDArray[np.float64]) -> float:
     """Return how bright the bright pixels around places (m, 2) are, as a share of white; 0 off the image."""
     finite = places[np.isfinite(places).all(axis=1)]
@@ -113,7 +201,11 @@ def brightness(picture: Picture, places: NDArray[np.float64]) -> float:
 
 
 def advised(
-    reading: Reading, picture: Picture, blur_px: float, *, is_unlit: bool = False
+    reading: Reading,
+    picture: Picture,
+    blur_px: float,
+    *,
+    is_unlit: bool = False,
 ) -> Reading:
     """Return a reading that says what to change if it has no value.
 

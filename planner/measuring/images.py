@@ -99,7 +99,8 @@ def white_of(image: NDArray[np.generic], stated: int | None = None) -> White:
 
     It is what the camera states. Otherwise it is the level at which the image's brightest pixels end, if a plateau of
     pixels is there. In an image without such a plateau, nothing tells white. Then it is that of the smallest usual
-    depth that holds the image. A camera may fill the upper bits: then all values have a common factor.
+    depth that holds the image. A camera may fill the upper bits, and a program may stretch levels: then values have
+    gaps, and the levels before count.
 
     Parameters
     ----------
@@ -126,27 +127,42 @@ def _plateau_of(image: NDArray[Any]) -> int | None:
     Clipped pixels have exactly this value, as have their neighbours. Noise makes neighbours of other levels differ. In
     an image without noise, nothing can be told: a face of one grey value is a plateau, too.
     """
-    count = np.bincount(image.ravel())
+    values = np.flatnonzero(np.bincount(image.ravel()))
+    numbers = np.zeros(int(values[-1]) + 1, dtype=np.int64)
+    numbers[values] = _numbers_of(values)[0]
+    numbered = numbers[image]
+    count = np.bincount(numbered.ravel())
     few = max(_FEW, int(_FEW_SHARE * image.size))
     level = len(count) - 1 - int(np.argmax(np.cumsum(count[::-1]) > few))
-    step = _step_of(count)
-    if level < _LEAST_LEVELS * step:
+    if level < _LEAST_LEVELS:
         return None
-    below = count[level - _BELOW * step : level : step].mean()
-    equal = image[:, :-1] == image[:, 1:]
-    noisy = (image >= level // 4) & (image < level) & (image > 0)
+    below = count[level - _BELOW : level].mean()
+    equal = numbered[:, :-1] == numbered[:, 1:]
+    noisy = (numbered >= level // 4) & (numbered < level) & (numbered > 0)
     if noisy.sum() <= few or equal[noisy[:, :-1]].mean() > _EQUAL:
         return None
-    alike = equal[(image == level)[:, :-1]]
+    alike = equal[(numbered == level)[:, :-1]]
     is_area = alike.size > 0 and alike.mean() >= _EQUAL and count[level] >= _MORE * below
     is_many = count[level] > few and count[level] >= _FAR_MORE * max(below, 1.0)
-    return level if is_area or is_many else None
+    return int(values[numbers[values] == level][-1]) if is_area or is_many else None
 
 
-def _step_of(count: NDArray[np.int64]) -> int:
-    """Return the common factor of the grey values of an image, as a power of two, from the number of pixels at each."""
-    bits = int(np.bitwise_or.reduce(np.flatnonzero(count)))
-    return bits & -bits if bits else 1
+def _numbers_of(values: NDArray[np.int64]) -> tuple[NDArray[np.int64], float]:
+    """Return the numbers (n,) of the levels of a converter, and their distance, from the grey values (n,) that occur.
+
+    A program may have stretched the levels: those of 8 bits to 16, or to floats. Then no two values are neighbours. If
+    they are not evenly spaced, as after a gamma curve, each value counts as a level. Their distance is 1 then.
+    """
+    gaps = np.diff(values)
+    if not len(gaps) or gaps.min() < 2:
+        return values, 1.0
+    # stretched levels are rounded
+    step = float(gaps[gaps <= gaps.min() + 1].mean())
+    numbers = np.concatenate([[0], np.cumsum(np.rint(gaps / step))]).astype(np.int64)
+    step = float(values[-1] - values[0]) / numbers[-1]
+    if np.abs(values - values[0] - step * numbers).max() > 1.0:
+        return np.arange(len(values)), 1.0
+    return numbers + round(values[0] / step), step
 
 
 def _depth_white(image: NDArray[Any]) -> float:
@@ -154,16 +170,26 @@ def _depth_white(image: NDArray[Any]) -> float:
     if image.dtype == np.uint8:
         return _most(np.uint8)
     count = np.bincount(image.ravel())
-    step = _step_of(count)
-    count = count[::step]
+    values = np.flatnonzero(count)
+    numbers, step = _numbers_of(values)
+    if step == 1.0:
+        numbers = values
     few = max(_FEW, int(_FEW_SHARE * image.size))
     for bits in _DEPTHS:
         white = 2**bits - 1
         # many pixels that are nearly white, and none that is: it is another white
-        near = count[int(CLIPPED_SHARE * white) :].sum()
-        if len(count) - 1 == white or (len(count) - 1 < white and near <= few):
-            return float(min(white * step, _most(np.uint16)))
+        near = count[values[numbers >= int(CLIPPED_SHARE * white)]].sum()
+        if numbers[-1] == white or (numbers[-1] < white and near <= few):
+            return _whole(white * step, white / max(numbers[-1], 1))
     return _most(np.uint16)
+
+
+def _whole(white: float, slack: float) -> float:
+    """Return a stretched white as a grey value: the largest of a usual depth that is as near as rounding allows."""
+    for bits in _DEPTHS:
+        if abs(white - (2**bits - 1)) <= slack:
+            return float(2**bits - 1)
+    return float(min(round(white), _most(np.uint16)))
 
 
 def _most(kind: type[np.unsignedinteger[Any]]) -> float:
@@ -463,7 +489,7 @@ def read_images(
         )
     _check_names(files, shots, partial)
     image_set = ImageSet()
-    wrong = []
+    wrong: dict[str, list[str]] = {}
     for shot in shots:
         if shot.name not in files:
             image_set.notes.append(f"{shot.name}: no image")
@@ -473,17 +499,22 @@ def read_images(
             _check_size(image, camera)
             _check_white(image, camera)
         except RequestError as error:
-            wrong.append(f"{shot.name}: {error.rule or error}")
+            wrong.setdefault(str(error.rule or error), []).append(shot.name)
             continue
         image_set.images[shot.name] = image
         image_set.digests[shot.name] = digest
         if response is not None:
             image_set.responses[shot.name] = response
         image_set.notes += [f"{shot.name}: {note}" for note in notes]
-    wrong += _twice(image_set.digests)
+    for name, reason in _twice(image_set.digests).items():
+        wrong.setdefault(reason, []).append(name)
     if wrong:
+        parts = [
+            f"{_listed(names)}, {'each of which' if len(names) > 1 else 'which'} {reason}"
+            for reason, names in wrong.items()
+        ]
         raise RequestError.of_rule(
-            "images", "must be images of the plan's settings", "; ".join(wrong[:_LISTED])
+            "images", "must be as the plan's camera takes them", "; and ".join(parts[:_LISTED])
         )
     return image_set
 
@@ -790,13 +821,13 @@ def _check_white(image: NDArray[Any], camera: Camera) -> None:
         )
 
 
-def _twice(digests: Mapping[str, str]) -> list[str]:
-    """Say which images are the same bytes."""
+def _twice(digests: Mapping[str, str]) -> dict[str, str]:
+    """Say of images that they are the same bytes as another one."""
     first: dict[str, str] = {}
-    wrong = []
+    wrong = {}
     for name, digest in digests.items():
         if digest in first:
-            wrong.append(f"{name}: is the same image as {first[digest]}")
+            wrong[name] = f"is the same image as {first[digest]}"
         first.setdefault(digest, name)
     return wrong
 

@@ -28,7 +28,14 @@ from planner.exceptions import RequestError
 from planner.files import timestamp
 from planner.identity import PartRecord
 from planner.light.light_plan import beside, irradiance
-from planner.measuring.advice import advice_of_images, advised, with_advice
+from planner.measuring.advice import (
+    advice_of_images,
+    advised,
+    lacks_registration,
+    of_poses,
+    plan_notes,
+    with_advice,
+)
 from planner.measuring.images import WELL_EXPOSED, ImageSet, Picture, Shot, read_images, shots_of
 from planner.measuring.merging import (
     ScannedEnd,
@@ -101,17 +108,6 @@ _LEVELS = 20
 # of places at a level, and of levels that are not overexposed, to know how bright the part is
 _FEWEST = 5
 _FEWEST_LEVELS = 2
-
-
-def _unplanned(plan: InspectionPlan) -> list[str]:
-    """Say which light was requested and is not planned, and what the CAD model requires and the plan leaves out."""
-    names: dict[str, list[str]] = {}
-    for name, reason in plan.not_planned.items():
-        names.setdefault(reason, []).append(name)
-    light = ["light was requested and is not planned yet, so nothing is promised of contrast"]
-    return (light if plan.light_missing else []) + [
-        f"not planned, and so not measured: {', '.join(of)}: {why}" for why, of in names.items()
-    ]
 
 
 def image_notes(
@@ -386,8 +382,8 @@ class Measurer:
         The plan.
     solid : Solid
         Its part.
-    plan_digest : str
-        SHA-256 of the plan's file, for the results. Default: that of the file that the plan would be written to.
+    part_file_sha256 : str
+        SHA-256 of the part's file, for the results.
 
     Raises
     ------
@@ -404,9 +400,9 @@ class Measurer:
     'setting_01'
     """
 
-    def __init__(self, plan: InspectionPlan, solid: Solid, *, plan_digest: str = "") -> None:
+    def __init__(self, plan: InspectionPlan, solid: Solid, *, part_file_sha256: str = "") -> None:
         check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"))
-        self._given_digest = plan_digest
+        self._part_file_sha256 = part_file_sha256
         self._digest = PartRecord.of(solid).digest
         why = plan.request.other_part(solid)
         if why:
@@ -427,7 +423,7 @@ class Measurer:
         }
         area = None if plan.light is None else plan.light.area
         self.model = PartModel(solid, self.by_witness, area)
-        self._ends = self._ends_of_others()
+        self.ends = self._ends_of_others()
 
     @with_one_thread
     def measure(
@@ -511,7 +507,7 @@ class Measurer:
             serial,
             self._correlation(results, joint),
             self._source(image_set, operator),
-            (*of_images, *notes, *_unplanned(self.plan)),
+            (*of_images, *notes, *plan_notes(self.plan, options.registration, images)),
             pictures,
             response.records(),
             edges_text(results, states, unseen) + (" (as images show)" if uses_seen else ""),
@@ -621,6 +617,8 @@ class Measurer:
                     readings[reading.name].append(
                         advised(reading, picture, pose.blur_px, is_unlit=is_unlit)
                     )
+        if lacks_registration(self.plan, options.registration):
+            return {name: list(map(of_poses, each)) for name, each in readings.items()}
         return readings
 
     def _joined(
@@ -640,7 +638,7 @@ class Measurer:
                 if name in setting.ends:
                     continue
                 free_of[name] |= self.model.free_of[witness_key(setting, name)]
-        for name, ends in self._ends.items():
+        for name, ends in self.ends.items():
             free_of[name] = set().union(*(end.free for end in ends))
         return PartPosterior(
             self.model, self.plan.camera, [g for g in groups if g], free_of, self._places_mm()
@@ -875,7 +873,7 @@ class Measurer:
 
     def _why_unregistered(self, failed: Mapping[str, tuple[str, str]]) -> dict[str, list[str]]:
         """Return by target why images that the plan has for its ends cannot be registered."""
-        why: dict[str, list[str]] = {name: [] for name in self._ends}
+        why: dict[str, list[str]] = {name: [] for name in self.ends}
         for shot in self.shots:
             if shot.name not in failed:
                 continue
@@ -896,13 +894,13 @@ class Measurer:
 
         ``why`` says of each which images cannot be used.
         """
-        best: dict[str, dict[int, ScannedEnd]] = {name: {} for name in self._ends}
+        best: dict[str, dict[int, ScannedEnd]] = {name: {} for name in self.ends}
         for shot in self.shots:
             image = registered.get(shot.name)
             if image is None:
                 continue
             planned = self.plan.settings[shot.setting].ends
-            for name, ends in self._ends.items():
+            for name, ends in self.ends.items():
                 groups = end_groups(ends[0].value.whole)
                 for k, end in enumerate(ends):
                     is_planned = name in planned and k in groups[planned[name]]
@@ -929,7 +927,7 @@ class Measurer:
         }
         results = dict(missing)
         for name, scans in best.items():
-            if len(scans) < len(self._ends[name]):
+            if len(scans) < len(self.ends[name]):
                 continue
             entities = [scans[k] for k in sorted(scans)]
             target = self.plan.targets[name]
@@ -1118,8 +1116,9 @@ class Measurer:
             images=dict(found.digests),
             date=timestamp(),
             operator=operator,
-            plan_digest=self._given_digest or self.plan.digest,
+            plan_digest=self.plan.digest,
             camera=self.plan.camera,
+            part_file_sha256=self._part_file_sha256,
         )
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
@@ -31,11 +31,12 @@ from planner.camera.response import LINEAR, Response
 from planner.files import staged_folder, write_text
 from planner.light.area_light import AreaLight
 from planner.light.light_plan import beside, white_share
+from planner.measuring.advice import TRUTH as TRUTH
 from planner.measuring.fit import fit_entities
 from planner.measuring.images import Shot
 from planner.measuring.measurer import Measurer, whole_targets, witness_key
 from planner.measuring.registered import displaced
-from planner.measuring.samples import PartModel
+from planner.measuring.samples import PartEdge, PartModel
 from planner.progress import Progress, report
 from planner.request.targets import Target, targets_of
 from planner.sensor_setting import setting_name
@@ -47,8 +48,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 FORMAT: Literal["aspectgraph-rehearsal"] = "aspectgraph-rehearsal"
-TRUTH = "truth.json"
-"""File of the true values, beside the images."""
 ROUND_SHARE = 1.5
 """Deviation of bores, bosses and cones, in that of planes."""
 TILT_SHARE = 0.5
@@ -104,7 +103,9 @@ class Truth:
     white_level : int
         Grey value of full exposure.
     plan_digest : str
-        Of the plan's file, SHA-256; empty in older files.
+        Of the plan's file, SHA-256, see `InspectionPlan.digest`; empty in older files.
+    joined : dict of str to float
+        True values of targets that the plan does not inspect, and that `measure` may join from several images.
     """
 
     seed: int
@@ -118,6 +119,7 @@ class Truth:
     response: str = LINEAR.text
     white_level: Annotated[int, Meta(gt=0, title="must be a number above 0")] = _WHITE
     plan_digest: str = ""
+    joined: dict[str, float] = field(default_factory=dict)
 
 
 class Rendered(NamedTuple):
@@ -188,7 +190,10 @@ class DeviatingPart:
         target : Target
             The target.
         """
-        edges = self._model.measured[name]
+        return self.value_of(self._model.measured[name], target)
+
+    def value_of(self, edges: Sequence[PartEdge], target: Target) -> float:
+        """Return the value of a target whose entities are these of the model, as `value` does."""
         if target.measurand.in_image:
             line = edges[0].geometry
             assert isinstance(line, Line)
@@ -561,6 +566,11 @@ class Rehearsal:
             response=self._response.text,
             white_level=plan.camera.white_level or _WHITE,
             plan_digest=plan.digest,
+            joined={
+                name: part.value_of([end.edge for end in ends], plan.targets[name])
+                for name, ends in measurer.ends.items()
+                if name in plan.uninspectable
+            },
         )
 
     def __repr__(self) -> str:

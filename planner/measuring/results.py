@@ -56,7 +56,7 @@ _SEVERAL = {"conforms": "conform", "does not conform": "do not conform"}
 
 def number_text(value: float, uncertainty: float) -> str:
     """Return a value with as many decimals as its uncertainty has with two digits."""
-    return f"{value:.{decimals_of(uncertainty)}f}"
+    return f"{value:z.{decimals_of(uncertainty)}f}"
 
 
 def decimals_of(uncertainty: float) -> int:
@@ -389,7 +389,10 @@ def _header(root: ET.Element, results: MeasurementResults) -> None:
     also = ""
     if names:
         also = f"; not in this file: {', '.join(names)}"
-    _add(header, "Description", f"{part}; decisions by {results.rule}; u is combined{also}")
+    by = ""
+    if results.source.camera is not None:
+        by = f"; camera {results.source.camera.name or 'without a name'}"
+    _add(header, "Description", f"{part}; decisions by {results.rule}; u is combined{by}{also}")
     _add(header, "Scope", "Results")
 
 
@@ -530,13 +533,15 @@ def _results(
     measured = _add(sets, "MeasurementResults", id=ids.next())
     part = ids.next()
     _traceability(measured, results.source)
-    images = results.source.images
-    if images:
-        files = _list(measured, "ExternalFileReferences", len(images))
-        for name, digest in images.items():
+    references = [(name, "image", digest) for name, digest in results.source.images.items()]
+    if results.source.plan_digest:
+        references.insert(0, ("plan.json", "inspection plan", results.source.plan_digest))
+    if references:
+        files = _list(measured, "ExternalFileReferences", len(references))
+        for name, kind, digest in references:
             file = _add(files, "ExternalFileReference")
             _add(file, "URI", name)
-            _add(_add(file, "FileSpec"), "OtherFileSpec", "image")
+            _add(_add(file, "FileSpec"), "OtherFileSpec", kind)
             _add(file, "Description", f"SHA-256 {digest}")
     lists = _add(measured, "MeasuredCharacteristics")
     parent_list = _list(lists, "CharacteristicMeasurements", len(items))
@@ -915,7 +920,7 @@ class Source:
     program : str
         The program's version.
     part, part_digest : str
-        The part with its SHA-256.
+        The part, and the SHA-256 of its vertices and triangles.
     images : mapping of str to str
         The SHA-256 of each image.
     date : str
@@ -926,6 +931,8 @@ class Source:
         SHA-256 of the plan as its file has it.
     camera : Camera or None
         The calibration by which pixels became directions.
+    part_file_sha256 : str
+        SHA-256 of the part's file; empty if it is not known.
     """
 
     program: str
@@ -936,6 +943,7 @@ class Source:
     operator: str = ""
     plan_digest: str = ""
     camera: Camera | None = None
+    part_file_sha256: str = ""
 
 
 @dataclass(frozen=True)
@@ -991,7 +999,8 @@ def _rounded_row(row: Mapping[str, Any]) -> dict[str, Any]:
         if not isinstance(value, float):
             continue
         if name in ("value", "deviation", "u", "U", "interval_from", "interval_to", "bonus"):
-            rounded[name] = round(value, decimals + (name == "u"))
+            # no -0.0
+            rounded[name] = round(value, decimals + (name == "u")) + 0.0
         elif name == "U_foreseen":
             rounded[name] = round(value, decimals_of(value))
         elif name == "nominal":

@@ -77,11 +77,16 @@ def image_notes(results: MeasurementResults, *, is_brief: bool = False) -> Itera
     """Yield what is to be known of the edges, in full or in one sentence, and of the images."""
     if results.edges:
         yield f"edges: {_brief_edges(results) if is_brief else results.edges}"
+    alike: dict[str, list[str]] = {}
     for note in results.notes:
         image, _, text = note.partition(": ")
         # a note need not be about an image
-        if image not in results.failed or text.rpartition(": ")[2] not in results.failed[image]:
-            yield f"note: {note}"
+        if image not in results.pictures:
+            alike.setdefault(note, [])
+        elif text.rpartition(": ")[2] not in results.failed.get(image, ""):
+            alike.setdefault(text, []).append(image)
+    for text, images in alike.items():
+        yield f"note: {enumerated(images)}: {text}" if images else f"note: {text}"
     for why, images in _by_text(results.failed).items():
         yield f"{enumerated(images)} cannot be registered: {why}"
 
@@ -454,13 +459,31 @@ def _facts(results: MeasurementResults) -> dict[str, str]:
         "Measured": source.date,
         "Operator": source.operator or "not stated",
         "Decision rule": str(results.rule),
+        "Poses of images": _poses_text(results),
         "Grey values": _response_text(results),
         "Program": f"aspectgraph {source.program}",
         "Digest of the part": source.part_digest[:_DIGEST_DIGITS],
+        "Digest of the part's file": source.part_file_sha256[:_DIGEST_DIGITS],
         "Digest of the plan": source.plan_digest[:_DIGEST_DIGITS],
         **(_camera_facts(source.camera) if source.camera is not None else {}),
     }
     return {name: value for name, value in rows.items() if value}
+
+
+# how the poses of images are known, by the method of their registration
+_POSES = {
+    "planned": "as planned, not registered",
+    "given": "as given",
+    "own edges": "registered to the part's edges",
+    "fiducials": "registered to fiducials",
+    "fiducials and own edges": "registered to fiducials and the part's edges",
+}
+
+
+def _poses_text(results: MeasurementResults) -> str:
+    """Return how the poses of images are known; nothing if none is."""
+    methods = dict.fromkeys(image.method for image in results.images.values())
+    return "; ".join(_POSES[method] for method in methods)
 
 
 # what says which response an image has
@@ -664,7 +687,7 @@ def _sentence(result: Result) -> str:
     decimals = decimals_of(result.expanded_uncertainty)
     text = (
         f"{result.kind.replace('_', ' ').capitalize()} {amount_text(value, result.unit)}, "
-        f"deviation {_minus(f'{result.deviation:+.{decimals}f}')}, U = {uncertainty}."
+        f"deviation {_minus(f'{result.deviation:+z.{decimals}f}')}, U = {uncertainty}."
     )
     if result.interval is not None:
         zone = nominal_text(result)

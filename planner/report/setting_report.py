@@ -13,6 +13,7 @@ from aspectgraph.solid.solid import RayScene
 from errors.checks import interval_text, probability_text
 from errors.measurands import DecisionRule, Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.geometry import is_short
+from errors.measurands.measurand import COVERAGE
 from planner.light.light_plan import WHITE_SHARE, Exposure, exposure_of
 from planner.measuring.foreseen import surest
 from planner.measuring.results import decimals_of, rounded_up
@@ -308,12 +309,12 @@ def dimensions_table(plan: InspectionPlan) -> Table | None:
     columns = [
         Column("Dimension", kind="lines"),
         Column("Nominal, tolerance", kind="lines"),
-        Column("U (k = 2)"),
+        Column("U (k = 2)", kind="lines"),
         Column("U/T", kind="lines"),
         Column("Permitted error", kind="lines"),
         Column("Setting", kind="settings"),
         Column(promise_name(plan), kind="lines"),
-        Column("u"),
+        Column("u", kind="lines"),
         Column("Budget of u²", kind="budget"),
         Column("Accepted from, to", kind="lines"),
         Column("Binding"),
@@ -380,21 +381,42 @@ def localisation_text(localisation: Localisation) -> str:
 
 def _row(plan: InspectionPlan, k: int, name: str, measurement: Measurement) -> list[Any]:
     dimension: Any = targets_of(plan.targets, plan.settings[k])[name]
-    expanded = measurement.expanded_uncertainty
+    u = measurement.standard_uncertainty
+    of_measure = _unstated_u(plan, k, name)
+    amounts = [u] if of_measure is None else [of_measure, u]
     alone = " alone" if name in plan.settings[k].ends else ""
     return [
         [CellLine(name), CellLine(f"{_what(dimension)}{alone}", "note")],
         _nominal(dimension),
-        unbroken(amount_text(digits_text(expanded, 3), dimension.unit)),
-        _ratio(dimension, expanded),
+        _first_of([CellLine(_amount(2 * amount, dimension)) for amount in amounts]),
+        _ratio(dimension, 2 * amounts[0]),
         _permitted(dimension, measurement),
         [k + 1],
         _probability(plan, k, name),
-        digits_text(measurement.standard_uncertainty, 3),
+        _first_of([CellLine(digits_text(amount, 3)) for amount in amounts]),
         _budget(dimension, measurement),
-        _accepted(dimension, measurement.standard_uncertainty),
+        _first_of([line for amount in amounts for line in _accepted(dimension, amount)]),
         measurement.binding,
     ]
+
+
+def _unstated_u(plan: InspectionPlan, k: int, name: str) -> float | None:
+    """Return the u that `measure` will state of a dimension whose edges are not stated; None if it is not foreseen."""
+    for row in plan.foreseen:
+        if (row.setting, row.name) == (k, name) and row.limit_mm > 0:
+            return row.expanded_uncertainty / COVERAGE
+    return None
+
+
+def _first_of(lines: list[CellLine]) -> list[CellLine]:
+    """Return what `measure` will use, and in brackets, if it differs, what the plan counts."""
+    first, *others = lines
+    planned = [CellLine(f"({line.text})", "note") for line in others if line.text != first.text]
+    return [first, *planned]
+
+
+def _amount(amount: float, dimension: PlannedDimension) -> str:
+    return unbroken(amount_text(digits_text(amount, 3), dimension.unit))
 
 
 def _split_row(plan: InspectionPlan, row: Row) -> list[Any]:
@@ -413,12 +435,12 @@ def _split_row(plan: InspectionPlan, row: Row) -> list[Any]:
     return [
         [CellLine(row.name), CellLine(_what(dimension), "note")],
         _nominal(dimension),
-        unbroken(amount_text(digits_text(expanded, 3), dimension.unit)),
+        [CellLine(_amount(expanded, dimension))],
         _ratio(dimension, expanded),
         [CellLine(unbroken(amount_text(f"±{dimension.permitted_error:.4g}", dimension.unit)))],
         [first + 1, second + 1],
         promise,
-        digits_text(row.standard_uncertainty, 3),
+        [CellLine(digits_text(row.standard_uncertainty, 3))],
         [],
         _accepted(dimension, row.standard_uncertainty),
         "both ends together",

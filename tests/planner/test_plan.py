@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plan_examples import ENTITIES, plan, setting
+from plan_examples import ENTITIES, LIGHT, plan, planned_dimension, setting
 
+from errors.measurands.geometry import Circle
 from planner.exceptions import OutputError, PlanFileError
 from planner.files import staged_folder, write_text
 from planner.identity import Made
 from planner.plan import InspectionPlan, read_plan
+from planner.request.registration import OWN_EDGES, RegistrationRecord
 
 
 def test_round_trip_loses_nothing(tmp_path):
@@ -24,6 +26,47 @@ def test_round_trip_loses_nothing(tmp_path):
     assert list(again.entities) == list(ENTITIES)
     again.write(tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "plan.json").read_bytes()
+
+
+def plan_of_arcs():
+    """A plan of arcs about axes in any direction, whose unit vectors are rounded."""
+    rng = np.random.default_rng(8)
+    radii = {}
+    for k in range(20):
+        axis, start = rng.normal(size=(2, 3))
+        arc = Circle(rng.uniform(0, 50, 3), axis, 5.0, start, 1.5)
+        radii[f"r{k}"] = planned_dimension("radius", ["a0"], [arc], 0.1)
+    return plan(dimensions=radii, uninspectable=dict.fromkeys(["bottom", *radii], "no view"))
+
+
+CELL = {"robot": "arm", "digest": "0" * 64, "fixturings": {"flat": np.eye(4).tolist()}}
+OF_EDGES = RegistrationRecord(OWN_EDGES, 0.02)
+PLANS = {
+    "plain": plan,
+    "with light": lambda: plan(light=LIGHT),
+    "in a cell": lambda: plan(cell=CELL),
+    "registered": lambda: plan(registration=OF_EDGES),
+    "unfinished": lambda: plan(unfinished=True),
+    "arcs": plan_of_arcs,
+}
+
+
+@pytest.mark.parametrize("make", PLANS.values(), ids=list(PLANS))
+def test_reading_and_writing_changes_no_byte_of_a_file(tmp_path, make):
+    """So the digest of a plan is what ``sha256sum`` prints of its file."""
+    path = make().write(tmp_path / "plan.json")
+    again = read_plan(path)
+    assert again.file_text() == path.read_text()
+    assert again.digest == make().digest == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_the_digest_is_that_of_the_file_however_it_was_written(tmp_path):
+    """A person may lay it out anew, and an older release knows less; a changed plan is not in the file."""
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(json.loads(plan().file_text())))
+    again = read_plan(path)
+    assert again.digest == hashlib.sha256(path.read_bytes()).hexdigest() != plan().digest
+    assert replace(again).digest == plan().digest
 
 
 def test_a_plan_says_when_and_of_what_it_was_made(tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 """The command ``measure``: files, exit codes, and errors in one line."""
 
+import hashlib
 import json
 import os
 from pathlib import Path
@@ -58,6 +59,9 @@ def test_a_good_part_conforms(folder, capsys):
     assert "1 of 1 target measured in 2 images" in out
     data = json.loads((folder / "out" / "results.json").read_text())
     assert data["serial"] == "N0012"
+    # what sha256sum prints
+    for key, name in (("part_file_sha256", "plate.off"), ("plan_digest", "plan.json")):
+        assert data["source"][key] == hashlib.sha256((folder / name).read_bytes()).hexdigest()
     assert data["results"][0]["decision"] == "conforms"
     assert (folder / "out" / "results.csv").read_text().count("\n") == 2
 
@@ -200,7 +204,9 @@ def test_one_bad_part_has_a_reason_and_the_others_are_measured(folder, tmp_path,
     assert run(folder, tmp_path, *given(folder), "--parts", "--qif", out="many") == 2
     out, error = capsys.readouterr()
     assert error == "aspectgraph: 3 of 4 parts not measured: N1, N2, N3\n"
-    assert "N1: not measured: the images must be images" in " ".join(out.split())
+    assert "N1: not measured: the images must be as the plan's camera takes them" in " ".join(
+        out.split()
+    )
     assert "N2: not measured: the images must be an existing folder. Got a link" in out.replace(
         "\n", " "
     )

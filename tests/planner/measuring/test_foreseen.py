@@ -16,6 +16,7 @@ from part_images import Optics, PartImages
 from plan_examples import changed
 from rendered_images import Lamp
 
+from errors.measurands import DecisionRule, acceptance_limits
 from planner import (
     Camera,
     InspectionPlan,
@@ -33,9 +34,13 @@ from planner.measuring.foreseen import (
 )
 from planner.progress import TimeLeft
 from planner.report.measured_report import measured_html
+from planner.report.setting_report import dimensions_table
 from planner.report.wording import unstated_edges_text
 from planner.request.registration import OWN_EDGES, PoseKnowledge, RegistrationRecord
+from planner.request.words import amount_text
 from planner.sensor_setting import Foreseen
+from planner.text_table import digits_text
+from planner.verify.setting_record import measurements
 
 SURFACES_MM = 0.005
 CAMERA = Camera(25.0, (0.0069, 0.0069), (1280, 1024), 8.0, 300.0)
@@ -136,6 +141,34 @@ def test_a_plan_without_time_for_it_says_so():
     assert same is plan
     assert "--time-limit" in sentence
     assert foreseen_in_time(plan, SOLID, TimeLeft()) == (with_foreseen(plan, SOLID), [])
+
+
+@pytest.mark.parametrize("limits", [None, (0.0, 0.0)], ids=["unstated", "sharp"])
+def test_the_table_of_a_plan_shows_what_measure_will_use(limits):
+    """Where no edges are stated, U and the accepted values of the plan stand in brackets."""
+    plan = changed(plan_of("own edges"), edge_break_mm=limits)
+    plan = with_foreseen(plan, SOLID)
+    table = dimensions_table(plan)
+    heads = [column.title for column in table.columns]
+    foreseen = {row.name: row for row in plan.foreseen}
+    rows = {row[0][0].text: dict(zip(heads, row, strict=True)) for row in table.rows}
+    for name, row in rows.items():
+        planned = measurements(plan, plan.settings[0])[name].expanded_uncertainty
+        amounts = [planned] if limits else [foreseen[name].expanded_uncertainty, planned]
+        texts = [f"{amount_text(digits_text(amount, 3), 'mm')}" for amount in amounts]
+        texts[1:] = [f"({text})" for text in texts[1:]]
+        assert [line.text.replace("\xa0", " ") for line in row["U (k = 2)"]] == texts
+        assert [line.style for line in row["U (k = 2)"]] == ["", "note"][: len(texts)]
+        accepted = acceptance_limits(
+            plan.dimensions[name].tolerance, amounts[0] / 2, DecisionRule.iso14253()
+        )
+        low, high = (
+            float(word.removesuffix("mm")) - plan.dimensions[name].nominal
+            for word in row["Accepted from, to"][0].text.replace("\xa0", "").split(" to ")
+        )
+        # rounded inwards, to two digits of U
+        assert accepted[0] <= low <= accepted[0] + amounts[0] / 10
+        assert accepted[1] - amounts[0] / 10 <= high <= accepted[1]
 
 
 def test_a_plan_holds_what_is_foreseen():

@@ -89,9 +89,15 @@ def test_arrays_and_files_by_number_or_name(tmp_path):
             three(setting_02__bmp=grey()),
             "must hold one file for each image. Got setting_02.bmp and",
         ),
-        (three(setting_02=b"no image"), "setting_02: is no image that can be read"),
-        (three(setting_02=grey(size=(60, 40))), "setting_02: is 40 × 60 px, turned by 90 degrees"),
-        (three(setting_02=grey(size=(20, 30))), "setting_02: is 30 × 20 px, binned or scaled"),
+        (three(setting_02=b"no image"), "setting_02, which is no image that can be read"),
+        (
+            three(setting_02=grey(size=(60, 40))),
+            "setting_02, which is 40 × 60 px, turned by 90 degrees",
+        ),
+        (
+            three(setting_02=grey(size=(20, 30))),
+            "setting_02, which is 30 × 20 px, binned or scaled",
+        ),
         (three(setting_02=grey(size=(40, 61))), "is 61 × 40 px; the plan's camera has 60 × 40 px"),
     ],
     ids=["none", "missing", "extra", "two files", "no image", "turned", "binned", "another size"],
@@ -108,23 +114,36 @@ def test_a_mosaic_of_colours(tmp_path):
     mosaic = scene.copy()
     mosaic[::2, ::2] *= 0.7
     path = folder(tmp_path, setting_01=scene.astype(np.uint8), setting_02=mosaic.astype(np.uint8))
-    with pytest.raises(RequestError, match=r"Got setting_02: looks like the mosaic of a colour"):
+    with pytest.raises(
+        RequestError, match=r"Got setting_02, which looks like the mosaic of a colour"
+    ):
         read_images(path, SHOTS, large, partial=True)
     found = read_images(path, SHOTS, large, partial=True, allow_lossy=True)
     assert len(found.images) == 2
 
 
+def test_a_reason_of_several_images_stands_once(tmp_path):
+    wrong = {f"setting_0{k}": grey(size=(20, 30)) for k in (1, 3)}
+    with pytest.raises(RequestError) as caught:
+        read_images(folder(tmp_path, **three(**wrong, setting_02=b"no image")), SHOTS, CAMERA)
+    assert str(caught.value) == (
+        "images must be as the plan's camera takes them. Got setting_01, setting_03, each of which is "
+        "30 × 20 px, binned or scaled; the plan's camera has 60 × 40 px; and setting_02, which is no image "
+        "that can be read."
+    )
+
+
 def test_the_same_image_twice(tmp_path):
     same = grey()
     files = three(setting_01=same, setting_03=same)
-    with pytest.raises(RequestError, match="setting_03: is the same image as setting_01"):
+    with pytest.raises(RequestError, match="setting_03, which is the same image as setting_01"):
         read_images(folder(tmp_path, **files), SHOTS, CAMERA)
 
 
 def test_jpeg_is_lossy(tmp_path):
     files = {"setting_01": grey(), "setting_02__jpg": grey(), "setting_03": grey()}
     path = folder(tmp_path, **files)
-    with pytest.raises(RequestError, match="setting_02: is a JPEG file"):
+    with pytest.raises(RequestError, match="setting_02, which is a JPEG file"):
         read_images(path, SHOTS, CAMERA)
     found = read_images(path, SHOTS, CAMERA, allow_lossy=True)
     assert len(found.images) == 3
@@ -186,7 +205,7 @@ def tiff(array, tags, order="<"):
 @pytest.mark.parametrize("suffix", ["png", "tif", "npy"])
 def test_the_content_decides_and_not_the_suffix(tmp_path, content, message, suffix):
     path = folder(tmp_path, **{f"setting_01__{suffix}": content})
-    with pytest.raises(RequestError, match=f"Got setting_01: {message}"):
+    with pytest.raises(RequestError, match=f"Got setting_01, which {message}"):
         read_images(path, SHOTS, CAMERA, partial=True)
 
 
@@ -241,9 +260,9 @@ def test_what_is_no_file_is_refused_at_once(tmp_path):
     with pytest.raises(RequestError) as caught:
         read_images(tmp_path, SHOTS, CAMERA)
     message = str(caught.value)
-    assert "setting_01: is a pipe or device; it must be a file" in message
-    assert "setting_02: is a link to nothing" in message
-    assert "setting_03: is a folder; it must be a file" in message
+    assert "setting_01, which is a pipe or device; it must be a file" in message
+    assert "setting_02, which is a link to nothing" in message
+    assert "setting_03, which is a folder; it must be a file" in message
 
 
 def test_no_damage_of_a_file_is_more_than_one_line(tmp_path, capfd):
@@ -288,7 +307,7 @@ def test_an_image_that_says_it_is_turned(tmp_path):
     exif = Image.Exif()
     exif[0x0112] = 6
     Image.fromarray(grey()).save(path / "setting_02.png", exif=exif)
-    with pytest.raises(RequestError, match="setting_02: says that it is turned"):
+    with pytest.raises(RequestError, match="setting_02, which says that it is turned"):
         read_images(path, SHOTS, CAMERA)
 
 
@@ -389,6 +408,8 @@ CAMERAS = {
     "sum of four of 12 bits": {"white": 4 * 4095, "step": 4},
     "mean of three of 12 bits": {"white": 4095},
     "below the converter's end": {"white": 3712},
+    "8 bits in 16": {"white": 65535, "step": 257},
+    "8 bits in 12": {"white": 4095, "step": 4095 / 255},
 }
 
 
@@ -411,6 +432,8 @@ def test_white_is_where_the_brightest_pixels_end(how, times):
         ("12 bits, upper", 4095 * 16),
         ("14 bits", 16383),
         ("16 bits", 65535),
+        ("8 bits in 16", 65535),
+        ("8 bits in 12", 4095),
     ],
 )
 def test_without_a_plateau_white_is_that_of_the_bits(how, white):
@@ -459,6 +482,31 @@ def test_white_of_floats(divided_by):
     image = stored(light(2.0), 16383) / divided_by
     assert white_of(image.astype(np.float32)).level == pytest.approx(16383 / divided_by, rel=1e-4)
     assert white_of(light()) == (1.0, DEPTH)
+
+
+# what programs make of 8 bits
+STRETCHES = {
+    "16 bits": lambda grey: grey * 257,
+    "12 bits": lambda grey: np.rint(grey * (4095 / 255)).astype(np.uint16),
+    "14 bits": lambda grey: (grey * (16383 / 255)).astype(np.uint16),
+    "floats": lambda grey: grey / 255,
+    "single floats": lambda grey: (grey / 255).astype(np.float32),
+    "light of a gamma curve": lambda grey: (grey / 255) ** 2.2,
+}
+
+
+@pytest.mark.parametrize("stretch", STRETCHES.values(), ids=list(STRETCHES))
+def test_stretched_levels_are_judged_as_those_of_the_camera(stretch):
+    """An even face has a few levels of 8 bits. They are far from each other in more bits, and not clipped."""
+    even = np.where(light() > 0.4, 0.7, 0.3) + np.random.default_rng(5).normal(0, 0.004, U.shape)
+    grey = stored(even, 255).astype(np.uint16)
+    assert white_of(grey.astype(np.uint8)) == (255, DEPTH)
+    white = float(np.asarray(stretch(np.array([255], dtype=np.uint16)))[0])
+    assert white_of(stretch(grey)) == (white, DEPTH)
+    clipped = stored(light(1.4), 255)
+    found = white_of(stretch(clipped))
+    assert found.origin == PLATEAU
+    assert found.level == pytest.approx(white, rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from scipy.stats import multivariate_normal
 from errors.registration import Rows, posterior
 from planner import Localisation, MeasureOptions, Measurer, PoseUncertainty, Registration, measure
 from planner.measuring import task as solving
+from planner.measuring.advice import REGISTER
 from planner.measuring.fit import CORRELATION_PX, TUKEY
 from planner.measuring.images import Picture
 from planner.measuring.register import (
@@ -42,6 +43,9 @@ from planner.measuring.task import (
     registration_task,
     with_breaks,
 )
+from planner.report.measured_report import measured_html
+from planner.request.registration import OWN_EDGES, RegistrationRecord
+from planner.verify.setting_record import search_windows_px
 
 
 @pytest.fixture(scope="module")
@@ -205,6 +209,29 @@ def test_registration_is_better_than_the_planned_pose(solid, images):
     before = [r.budget["pose"] for r in planned["left"].readings if r.measured]
     after = [r.budget["pose"] for r in own["left"].readings]
     assert max(after) < min(before, default=np.inf)
+
+
+def test_images_of_a_registered_plan_at_planned_poses_have_one_cause(solid, images):
+    """Edges are not where they are looked for, so nothing is said of the edges themselves."""
+    plan = measured_plan(solid, ["left", "right"])
+    off = changed(
+        plan,
+        registration=RegistrationRecord(OWN_EDGES, 0.02),
+        pose_uncertainty=PoseUncertainty(100 * UNCERTAINTY.covariance),
+    )
+    results = measure(off, solid, images, registration=Registration.none())
+    (note,) = [note for note in results.notes if "registered" in note]
+    window = max(max(search_windows_px(off, setting).values()) for setting in off.settings)
+    assert f"up to about {window:.0f} px off the planned poses. Register them" in note
+    lost = [r for result in results for r in result.readings if not r.measured]
+    assert lost
+    assert {reading.advice for reading in lost} == {REGISTER}
+    assert "as planned, not registered" in measured_html(results)
+    own = measure(off, solid, images)
+    assert not [note for note in own.notes if "registered" in note]
+    assert "registered to the part&#39;s edges" in measured_html(own)
+    freely = measure(plan, solid, images, registration=Registration.none())
+    assert not [note for note in freely.notes if "registered" in note]
 
 
 def test_drawn_and_derived_uncertainties_agree(solid, images):

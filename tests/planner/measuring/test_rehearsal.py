@@ -8,7 +8,7 @@ import pytest
 from holed_plate import HOLES, N
 from measured_plate import TOP, measured_plan, thick_plate
 from PIL import Image
-from plan_examples import planned_dimension
+from plan_examples import changed, planned_dimension
 
 from aspectgraph import Solid
 from errors.measurands import Line
@@ -17,6 +17,7 @@ from planner import Rehearsal, RequestError, measure
 from planner.exceptions import PlanFileError
 from planner.measuring.measurer import Measurer
 from planner.measuring.rehearsal import DeviatingPart, Truth
+from planner.sensor_setting import Reason
 
 TARGETS = ("left", "right", "apart", "width")
 
@@ -84,6 +85,36 @@ def test_images_have_the_response_and_the_white_of_the_camera(plate, plan, respo
     for result in measure(stated, plate, images):
         assert result.measured, result.reason
         assert abs(result.value - truth[result.name]) <= 3 * result.standard_uncertainty
+
+
+def test_values_that_several_images_give_have_a_truth(plate, plan):
+    """A plan that does not inspect a target may show its entities; `measure` joins them."""
+    full = Rehearsal(plan, plate, seed=4)
+    left_out = measured_plan(plate, ["left", "right", "apart"])
+    width = measured_plan(plate, ["width"]).targets["width"]
+    left_out = changed(
+        left_out,
+        targets=(*left_out.request.targets, width),
+        uninspectable={"width": Reason("no view")},
+    )
+    fewer = Rehearsal(left_out, plate, seed=4)
+    assert full.truth.joined == {}
+    assert fewer.truth.joined == {"width": full.truth.values["setting_01"]["width"]}
+
+
+def test_images_of_another_plan_are_noted(plate, plan, tmp_path):
+    """Nothing may be where it should be then; the digest of the plan tells why."""
+    Rehearsal(plan, plate, seed=1).write(tmp_path)
+    digest = plan.digest
+    assert not [note for note in measure(plan, plate, tmp_path).notes if "rendered" in note]
+    other = changed(plan, unfinished=True)
+    assert other.digest != digest
+    (note,) = [note for note in measure(other, plate, tmp_path).notes if "rendered" in note]
+    assert note.startswith("the images were rendered for another plan: truth.json beside them")
+    assert digest[:12] in note
+    assert other.digest[:12] in note
+    (tmp_path / "truth.json").write_text("no JSON")
+    assert not [note for note in measure(other, plate, tmp_path).notes if "rendered" in note]
 
 
 def test_flat_faces_stay_flat_around_holes(plate, plan):

@@ -62,7 +62,7 @@ from planner.measuring.results import (
     value_texts,
 )
 from planner.measuring.task import NotRegisteredError
-from planner.report.measured_report import measured_html
+from planner.report.measured_report import image_notes, measured_html
 
 SCHEMA = xmlschema.XMLSchema11(Path(__file__).with_name("qif_written.xsd"))
 
@@ -527,6 +527,40 @@ def test_results_say_when_by_whom_and_with_what(solid, images, exact, monkeypatc
     page = measured_html(results)
     for text in ("A. Meyer", "1970-01-02T00:00:00Z", source.plan_digest[:12], plan.camera.name):
         assert text in page
+
+
+def test_qif_names_the_camera_and_the_plan(results):
+    root = ET.fromstring(qif_text(results))
+    assert f"; camera {results.source.camera.name}" in first(root, "Description").text
+    file = first(root, "ExternalFileReference")
+    assert [element.text for element in file.iter() if (element.text or "").strip()] == [
+        "plan.json",
+        "inspection plan",
+        f"SHA-256 {results.source.plan_digest}",
+    ]
+    assert faults(qif_text(results)) == []
+
+
+def test_a_deviation_that_rounds_to_nothing_has_no_sign(results):
+    near = dataclasses.replace(results["left"], value=results["left"].nominal - 1e-9)
+    results = dataclasses.replace(results, results={"left": near})
+    (row,) = csv.DictReader(io.StringIO(results.to_csv()))
+    assert row["deviation (mm)"] == "0.0"
+    page = measured_html(results)
+    assert "deviation −0.0" not in page
+    assert ">−0.000<" not in page
+    assert ">+0.000<" in page
+
+
+def test_one_note_about_all_images_that_it_is_about(results):
+    names = list(results.pictures)
+    notes = [*(f"{name}: loses detail" for name in names), "setting_01: dark", "a plan: a note"]
+    results = dataclasses.replace(results, notes=tuple(notes), edges="")
+    assert list(image_notes(results)) == [
+        f"note: {' and '.join(names)}: loses detail",
+        "note: setting_01: dark",
+        "note: a plan: a note",
+    ]
 
 
 def test_a_measurer_measures_many_parts(solid, exact):
