@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import binary_dilation, gaussian_filter, maximum_filter, minimum_filter
 
 from aspectgraph.entities.entity_rules import PARAMETERS, Carrier
@@ -149,6 +149,50 @@ class _Meeting(NamedTuple):
     offsets: Array
 
 
+class _RoundScene(RayScene):
+    """Rays to a part whose cylinders and cones are shaded as round: deviations tilt their slender triangles.
+
+    Parameters
+    ----------
+    vertices, triangles
+        As of `RayScene`.
+    walls : sequence of Carrier
+        Cylinders and cones.
+    wall_of : array of int (t,)
+        Number of the wall that each triangle lies on; -1 for none.
+    """
+
+    def __init__(
+        self,
+        vertices: Array,
+        triangles: NDArray[np.int64],
+        walls: Sequence[Carrier],
+        wall_of: NDArray[np.int64],
+    ) -> None:
+        super().__init__(vertices, triangles, n_threads=1)
+        self._walls = walls
+        # also for rays that meet nothing
+        self._wall_of = np.append(wall_of, -1)
+
+    def cast(self, origins: ArrayLike, directions: np.ndarray) -> dict[str, np.ndarray]:
+        """Return what each ray hits first, see `RayScene.cast`; normals of round faces are those of the model."""
+        hits = super().cast(origins, directions)
+        wall = self._wall_of[np.minimum(hits["primitive_ids"], len(self._wall_of) - 1)]
+        is_round = wall >= 0
+        wall = wall[is_round]
+        starts = np.broadcast_to(origins, directions.shape)[is_round]
+        places = starts + hits["t_hit"][is_round, None].astype(np.float64) * directions[is_round]
+        flat = hits["primitive_normals"][is_round]
+        normals = np.empty_like(flat)
+        for k in np.unique(wall):
+            normals[wall == k] = self._walls[k].normals(places[wall == k])
+        # those of the model point away from an axis, also in bores
+        normals *= np.where((normals * flat).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+        hits["primitive_normals"] = hits["primitive_normals"].copy()
+        hits["primitive_normals"][is_round] = normals
+        return hits
+
+
 class DeviatingPart:
     """A part whose surfaces deviate from its model.
 
@@ -175,10 +219,13 @@ class DeviatingPart:
             for carrier in carriers
         ]
         drawn = rng.standard_normal((len(carriers), PARAMETERS))
-        vertices, triangles, carried = _refined(model)
+        mesh, triangles, wall_of = _refined(model)
+        vertices = np.array(mesh.points)
+        carried = mesh.carried
         scales = np.reshape(sizes, (-1, PARAMETERS))
         self._deviations = surfaces_mm * scales * self._closed(vertices, carried, drawn, scales)
-        self.scene = RayScene(vertices + self._moves(vertices, carried), triangles, n_threads=1)
+        moved = vertices + self._moves(vertices, carried)
+        self.scene: RayScene = _RoundScene(moved, triangles, mesh.walls, wall_of)
 
     def value(self, name: str, target: Target) -> float:
         """Return the value of a target on the part as it is, mm (angles: degrees).
@@ -296,6 +343,7 @@ class _Refined:
         self.points = list(model.solid.vertices)
         self.carried = _carried(model)
         self.between: dict[tuple[int, int], list[int]] = {}
+        self.walls: list[Carrier] = []
 
     def cut(self, first: int, last: int, new: Array, carriers: set[int]) -> None:
         """Cut a side at new points (n, 3) that lie on carriers."""
@@ -307,8 +355,11 @@ class _Refined:
         self.between[last, first] = numbers[::-1]
 
 
-def _refined(model: PartModel) -> tuple[Array, NDArray[np.int64], list[set[int]]]:
-    """Return vertices (v, 3), triangles (t, 3) and carriers of a part whose round faces are cut into short chords."""
+def _refined(model: PartModel) -> tuple[_Refined, NDArray[np.int64], NDArray[np.int64]]:
+    """Return a part whose round faces are cut into short chords: triangles (t, 3), and the number of each one's wall.
+
+    The number is -1 on flat faces.
+    """
     mesh = _Refined(model)
     points = mesh.points
     carried = mesh.carried
@@ -320,35 +371,43 @@ def _refined(model: PartModel) -> tuple[Array, NDArray[np.int64], list[set[int]]
             first, last = model.solid.edges[edge_id].vertices
             new = _on_chord(circle, points[first], points[last])
             mesh.cut(first, last, new, set(model.carried_by[edge.name]))
-    walls = {}
+    numbers: dict[int, int] = {}
+    wall_of: list[int] = []
     for corners in model.solid.triangles.tolist():
         common = carried[corners[0]] & carried[corners[1]] & carried[corners[2]]
         wall = _round_carrier(model, common)
         if wall is None:
+            wall_of.append(-1)
             continue
-        walls[tuple(corners)] = wall
+        wall_of.append(numbers.setdefault(id(wall), len(numbers)))
+        if len(numbers) > len(mesh.walls):
+            mesh.walls.append(wall)
         for first, last in zip(corners, (*corners[1:], corners[0]), strict=True):
             if (first, last) not in mesh.between:
                 # triangles of a wall would stand out of it between its rims
                 new = _on_wall(wall, points[first], points[last])
                 mesh.cut(first, last, new, carried[first] & carried[last])
     triangles: list[tuple[int, int, int]] = []
-    for corners in model.solid.triangles.tolist():
+    walls_of_cut: list[int] = []
+    for corners, number in zip(model.solid.triangles.tolist(), wall_of, strict=True):
         outline: list[int] = []
         for first, last in zip(corners, (*corners[1:], corners[0]), strict=True):
             outline += [first, *mesh.between.get((first, last), ())]
         if len(outline) == len(corners):
             triangles.append(tuple(corners))
+            walls_of_cut.append(number)
             continue
         # a fan about the middle, as more than one side may be cut
         middle = len(points)
         inside = np.array([points[k] for k in corners])
-        points.append(_between_corners(walls.get(tuple(corners)), inside, _MIDDLE)[0])
+        wall = mesh.walls[number] if number >= 0 else None
+        points.append(_between_corners(wall, inside, _MIDDLE)[0])
         # it stays on the faces that all corners are on
         carried.append(carried[corners[0]] & carried[corners[1]] & carried[corners[2]])
         ends = (*outline[1:], outline[0])
         triangles += [(middle, a, b) for a, b in zip(outline, ends, strict=True)]
-    return np.array(points), np.array(triangles, dtype=np.int64), carried
+        walls_of_cut += [number] * len(outline)
+    return mesh, np.array(triangles, dtype=np.int64), np.array(walls_of_cut, dtype=np.int64)
 
 
 def _round_carrier(model: PartModel, common: set[int]) -> Carrier | None:

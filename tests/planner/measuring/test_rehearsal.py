@@ -178,6 +178,20 @@ def test_walls_of_bores_do_not_stand_out_of_their_rims(plate, plan):
             assert np.isinf(hit["t_hit"]).all()
 
 
+def test_walls_of_bores_are_shaded_as_round(plate, plan):
+    """Deviations tilt the slender triangles of a wall by degrees, which would look like edges."""
+    part = DeviatingPart(Measurer(plan, plate).model, 0.05, np.random.default_rng(2))
+    angle = np.linspace(0.0, 2 * np.pi, 400, endpoint=False)
+    ways = np.stack([np.cos(angle), np.sin(angle), np.zeros(400)], axis=1)
+    for (x, y), _ in HOLES.values():
+        hit = part.scene.cast(np.array([x, y, TOP / 2]), ways)
+        np.testing.assert_allclose(hit["primitive_normals"], -ways, atol=1e-5)
+    # a plane as it is, and nothing where nothing is met
+    down = np.tile([0.0, 0.0, -1.0], (1, 1))
+    assert part.scene.cast(np.array([1.0, 1.0, 2 * TOP]), down)["primitive_normals"][0, 2] > 0.999
+    assert np.isinf(part.scene.cast(np.array([-9.0, 1.0, 2 * TOP]), down)["t_hit"][0])
+
+
 def test_true_values_are_those_of_the_part_that_rays_meet(plate, plan):
     model = Measurer(plan, plate).model
     part = DeviatingPart(model, 0.1, np.random.default_rng(5))
