@@ -66,8 +66,6 @@ From 0.6 on, `measure` is convinced by what it finds. Below, a lamp must also ex
 five parts were registered with 0.36 and more, and one of a bracket was not with 0.58. With 0.28, 10 of 12 were not.
 """
 
-_OR_A_TWELFTH = ", or too little of a twelfth of it"
-
 # places on either side, px: the first is where the step is, and all of them are lit or none
 _BESIDE_PX = (3.0, 1.5, 4.5, 6.0)
 _MARGIN_PX = 4.0
@@ -229,8 +227,8 @@ class TargetLight:
             if entity.sides is None:
                 return f"the image of {entity.name} is too short"
             if not entity.covers(entity.usable[None], RESERVE, LEAST_OF_SECTOR)[0]:
-                share = f"only {100 * entity.usable.mean():.0f} % of {entity.name}"
-                return f"{share} is visible and {APART_PX:.0f} px apart from other lines{_OR_A_TWELFTH}"
+                what = f"is visible and {APART_PX:.0f} px apart from other lines"
+                return _too_little(entity.name, entity.usable, what)
         return ""
 
     def shown(self, lamps: Array) -> Bools:
@@ -332,8 +330,7 @@ class LitEdges:
                 return f"the image of {edge.name} is too short"
             lit = samples.visible & self._lit([edge], samples, cam2world, camera, light)
             if _covers_too_little(edge, samples, lit):
-                share = f"only {100 * lit.mean():.0f} %" if lit.mean() >= 0.005 else "none"
-                return f"it shows {share} of {edge.name}{_OR_A_TWELFTH}"
+                return _too_little(edge.name, lit, "is shown")
             pixels = pixels_of(samples.points, cam2world, camera)
             distance, _ = cKDTree(np.nan_to_num(pixels, nan=_FAR_PX)).query(shown.pixels)
             near = shown.samples.chosen(distance < APART_PX)
@@ -343,8 +340,8 @@ class LitEdges:
             others = ShownEdges(edges, lines, places, shown.contours)
             usable = lit & others.apart([edge], samples.edge, pixels)
             if _covers_too_little(edge, samples, usable):
-                share = f"only {100 * usable.mean():.0f} % of {edge.name}"
-                return f"{share} shows {APART_PX:.0f} px apart from other lines{_OR_A_TWELFTH}"
+                what = f"shows {APART_PX:.0f} px apart from other lines"
+                return _too_little(edge.name, usable, what)
         return ""
 
     def _lit(
@@ -408,6 +405,16 @@ def _covers_too_little(edge: PartEdge, samples: Samples, usable: Bools) -> bool:
     """Return whether usable samples (m,) are too few of an edge, or of a twelfth of it, to be found."""
     entity = EntityLight(edge.name, samples.share, usable, None)
     return not entity.covers(usable[None], RESERVE, LEAST_OF_SECTOR)[0]
+
+
+def _too_little(name: str, usable: Bools, what: str) -> str:
+    """Say that too few samples (m,) of an entity are usable, or too few of a twelfth of it."""
+    share = float(usable.mean())
+    least = COVERAGE_SHARE + RESERVE
+    if share >= least:
+        return f"too little of a twelfth of {name} {what}"
+    percents = f"only {100 * share:.0f} %" if share >= 0.005 else "none"
+    return f"{percents} of {name} {what}, and {100 * least:.0f} % must be"
 
 
 def _thinned(samples: Samples, most: int) -> Samples:

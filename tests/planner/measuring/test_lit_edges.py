@@ -15,7 +15,14 @@ from planner import Backlight, LampDome, measure
 from planner.light.light_plan import beside, irradiance
 from planner.light.lighting import Lighting
 from planner.light.plan_light import chosen_lamps
-from planner.measuring.lit_edges import LEAST_REGISTERED, LitEdges, _Seen, reads_of
+from planner.measuring.lit_edges import (
+    LEAST_REGISTERED,
+    EntityLight,
+    LitEdges,
+    TargetLight,
+    _Seen,
+    reads_of,
+)
 from planner.measuring.samples import State, circle_of
 from planner.request.registration import OWN_EDGES, RegistrationRecord
 
@@ -71,12 +78,21 @@ def test_a_target_that_is_hidden_has_a_reason(solid, plan, reads):
     below[:3, :3] = np.diag([1.0, 1.0, 1.0])
     light = reads.of_target(below, CAMERA, plan.targets["left"], 0.0)
     share = re.match(
-        r"only (\d+) % of r0 is visible and 5 px apart from other lines, or too little of a twelfth of it$",
+        r"only (\d+) % of r0 is visible and 5 px apart from other lines, and 88 % must be$",
         light.reason,
     )
     assert share
     assert int(share[1]) <= 50
     assert not light.shown(LAMPS).any()
+
+
+def test_a_twelfth_that_is_hidden_is_named():
+    usable = np.arange(100) >= 9
+    share = np.linspace(0.0, 1.0, 100)
+    light = TargetLight([EntityLight("r3", share, usable, SimpleNamespace())])
+    assert (
+        light.reason == "too little of a twelfth of r3 is visible and 5 px apart from other lines"
+    )
 
 
 def test_lamps_of_a_plan_show_what_is_read(solid, plan):
@@ -103,7 +119,7 @@ def test_a_light_with_an_area_is_asked_for_what_is_read(solid, plan, reads):
     pose[:3, 3] = [*target.geometry[0].centre[:2], 300.0]
     under = Backlight.under(solid)
     text = reads.unread(pose, CAMERA, target, under)
-    assert re.match(r"it shows none of r\d, or too little of a twelfth of it", text)
+    assert re.match(r"none of r\d is shown, and 88 % must be", text)
     away = pose.copy()
     away[2, 3] = 30_000.0
     assert "is too short" in reads.unread(away, CAMERA, target, under)
@@ -123,7 +139,7 @@ def test_rims_that_show_too_near_to_each_other_are_said_to_be_so(monkeypatch):
     # a light that shows all there is
     monkeypatch.setattr(LitEdges, "_lit", lambda self, edges, samples, *_: samples.visible)
     text = both.unread(pose, CAMERA, target, Backlight.under(plate))
-    assert text.startswith(f"only 0 % of {rim.id} shows 5 px apart from other lines")
+    assert text.startswith(f"none of {rim.id} shows 5 px apart from other lines")
 
 
 def test_a_plan_of_lengths_is_not_asked(solid):
