@@ -227,8 +227,8 @@ class TargetLight:
             if entity.sides is None:
                 return f"the image of {entity.name} is too short"
             if not entity.covers(entity.usable[None], RESERVE, LEAST_OF_SECTOR)[0]:
-                what = f"is visible and {APART_PX:.0f} px apart from other lines"
-                return _too_little(entity.name, entity.usable, what)
+                state = f"is visible and {APART_PX:.0f} px apart from other lines"
+                return _too_little(entity.name, entity.usable, state)
         return ""
 
     def shown(self, lamps: Array) -> Bools:
@@ -340,8 +340,8 @@ class LitEdges:
             others = ShownEdges(edges, lines, places, shown.contours)
             usable = lit & others.apart([edge], samples.edge, pixels)
             if _covers_too_little(edge, samples, usable):
-                what = f"shows {APART_PX:.0f} px apart from other lines"
-                return _too_little(edge.name, usable, what)
+                state = f"shows {APART_PX:.0f} px apart from other lines"
+                return _too_little(edge.name, usable, state)
         return ""
 
     def _lit(
@@ -407,14 +407,14 @@ def _covers_too_little(edge: PartEdge, samples: Samples, usable: Bools) -> bool:
     return not entity.covers(usable[None], RESERVE, LEAST_OF_SECTOR)[0]
 
 
-def _too_little(name: str, usable: Bools, what: str) -> str:
+def _too_little(name: str, usable: Bools, state: str) -> str:
     """Say that too few samples (m,) of an entity are usable, or too few of a twelfth of it."""
     share = float(usable.mean())
-    least = COVERAGE_SHARE + RESERVE
-    if share >= least:
-        return f"too little of a twelfth of {name} {what}"
+    needed = COVERAGE_SHARE + RESERVE
+    if share >= needed:
+        return f"too little of a twelfth of {name} {state}"
     percents = f"only {100 * share:.0f} %" if share >= 0.005 else "none"
-    return f"{percents} of {name} {what}, and {100 * least:.0f} % must be"
+    return f"{percents} of {name} {state}, and {100 * needed:.0f} % must be"
 
 
 def _thinned(samples: Samples, most: int) -> Samples:
