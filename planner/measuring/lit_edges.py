@@ -435,13 +435,14 @@ def reads_of(
     solid : Solid
         The part.
     how : RegistrationRecord or None
-        How poses are known when values are read; None for no better than planned.
+        How poses are known when values are read; None if that is not stated: `measure` then registers images to the
+        part's edges.
     targets : iterable of Target
         What is measured.
     """
     if all(target.has_corners for target in targets):
         return None
-    return LitEdges(solid, how is not None and how.method == OWN_EDGES)
+    return LitEdges(solid, how is None or how.method == OWN_EDGES)
 
 
 def reads_of_plan(plan: InspectionPlan, solid: Solid) -> LitEdges | None:

@@ -414,7 +414,7 @@ def test_values_are_shown_as_json_writes_them_and_shortened():
     assert [shown(value) for value in (None, math.nan, {"not finite": "inf"}, [1], {}, [long], {"a": long})] == [
         "null", "NaN", "Infinity", "[1]", "{}", "an array of 1 item", "an object of 1 field",
     ]  # fmt: skip
-    assert shown("x" * 500) == '"' + "x" * 56 + "..."
+    assert shown("x" * 500) == '"' + "x" * 55 + '..."'
     assert (
         field_name("settings", 2, "probability", "long edge")
         == 'settings[2].probability["long edge"]'

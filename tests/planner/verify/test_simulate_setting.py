@@ -82,7 +82,7 @@ def test_a_pure_change_of_distance_by_hand():
     depth = 400.0
     covariance = np.zeros((6, 6))
     covariance[2, 2] = sigma**2
-    camera = Camera(25.0, (1e-5, 1e-5), (10**6, 10**6), 8.0, depth)
+    camera = Camera(25.0, (1e-4, 1e-4), (10**5, 10**5), 8.0, depth)
     entities = {"edge": np.array([[-30.0, 0, 0], [30.0, 0, 0]])}
     rate = simulate_setting(
         setting_at(depth, ("edge",)), entities, camera, PoseUncertainty(covariance), n=50_000
