@@ -515,7 +515,12 @@ class Measurer:
         )
 
     def _with_foreseen(self, result: Result) -> Result:
-        """Return a result with U as the plan foresaw it, in the surest of the settings whose images there are."""
+        """Return a result with U as the plan foresaw it, in the surest of the settings whose images there are.
+
+        A plan foresees nothing of what its lamps do not show.
+        """
+        if result.name in self.plan.unlit:
+            return result
         settings = {reading.setting for reading in result.readings}
         foreseen = [
             row.expanded_uncertainty

@@ -6,6 +6,7 @@ import math
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -107,6 +108,16 @@ def test_results_show_it_next_to_their_uncertainty():
     assert measured_html(results).count("not foreseen") == 3
     (first, *_) = results
     assert "U foreseen" not in measured_html(replace(results, results={"left": first}))
+
+
+def test_nothing_is_foreseen_of_what_no_lamp_shows():
+    measurer = Measurer.__new__(Measurer)
+    rows = [Foreseen("right", 0, 0.0314, 0.1, 0.1, False)]
+    results = measured(plan_of("planned"), 0.0, None)
+    for unlit, foreseen in (((), True), (("right",), False)):
+        measurer.plan = SimpleNamespace(unlit=unlit, foreseen=rows)
+        result = measurer._with_foreseen(replace(results["right"], foreseen_uncertainty=math.nan))
+        assert math.isfinite(result.foreseen_uncertainty) is foreseen
 
 
 def test_sharp_edges_leave_the_floor_of_the_detector():
