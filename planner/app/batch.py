@@ -441,6 +441,14 @@ NOT_LIT = "The time limit ended before lamps were found. A longer one goes on fr
 """What a plan says whose lamps there was no time for."""
 
 
+def _is_worse(plan: InspectionPlan, earlier: InspectionPlan) -> bool:
+    """Return whether a plan that the time ended inspects less than an earlier one of the same request and program."""
+    if not plan.unfinished or plan.made is None or earlier.made is None:
+        return False
+    of_both = [replace(made, date="", operator="") for made in (plan.made, earlier.made)]
+    return of_both[0] == of_both[1] and len(plan.inspected) < len(earlier.inspected)
+
+
 @dataclass(frozen=True)
 class FolderWork:
     """What is planned, simulated and written into a folder, and what is kept there on the way.
@@ -471,6 +479,8 @@ class FolderWork:
         Who plans.
     not_planned : mapping of str to str
         What the CAD model requires besides, and why it is not planned.
+    earlier : InspectionPlan, optional
+        A plan in the folder. It stays if the time ends one that inspects less.
     """
 
     solid: Solid
@@ -487,6 +497,7 @@ class FolderWork:
     cell: Cell | None = None
     operator: str = ""
     not_planned: Mapping[str, str] = field(default_factory=dict)
+    earlier: InspectionPlan | None = None
 
     def search(self, options: InspectionOptions) -> InspectionPlan:
         """Return the plan of the search."""
@@ -522,6 +533,11 @@ class FolderWork:
                 )
             )
         plan, notes = self.checked(plan)
+        if self.earlier is not None and _is_worse(plan, self.earlier):
+            plan = self.earlier
+            notes.append(
+                f"the earlier plan in {self.folder} inspects more than this run in its time, and stays"
+            )
         try:
             written = write_outputs(
                 plan,

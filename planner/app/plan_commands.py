@@ -605,6 +605,14 @@ class _CommandWork(FolderWork):
         return OutputError(f"{error} {rescue(plan, self.state)}")
 
 
+def _earlier_plan(folder: Path) -> InspectionPlan | None:
+    """Return the plan in a folder; None if there is none that can be read."""
+    try:
+        return read_plan(folder)
+    except PlanFileError:
+        return None
+
+
 def _planned(options: Plan, job: Job, leftovers: Leftovers) -> tuple[InspectionPlan, Written, bool]:
     """Plan and write; return plan, files, and whether it was interrupted."""
     limited = options.time_limit is not None
@@ -635,6 +643,7 @@ def _planned(options: Plan, job: Job, leftovers: Leftovers) -> tuple[InspectionP
             job.cell,
             name_text(options.operator or ""),
             job.targets.left_out,
+            _earlier_plan(leftovers.folder) if options.resume else None,
         )
         return *work.done(), best.interrupted
 

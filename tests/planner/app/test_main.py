@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -621,6 +622,34 @@ def test_time_limit_and_gap_end_a_plan(folder, quick, capsys):
     (line,) = failure(capsys, [*PLAN, "--gap", "0.9"])
     assert line.endswith("plan.json of another request: --gap was 0 and is now 0.9.")
     assert main([*PLAN, "--gap", "0.9", "--effort", "quick", "--force"]) == DONE
+
+
+def test_a_longer_run_does_not_leave_a_worse_plan(folder, quick, capsys, monkeypatch):
+    """Lamps may show less from poses that a longer search moved: what the time ends first is not the better plan."""
+    limited = [*PLAN, "--simulate", "100", "--time-limit", "0.001"]
+    assert main(limited) == DONE
+    path = folder / "out" / "plan.json"
+    earlier = path.read_bytes()
+    search = commands._CommandWork.search
+
+    def poorer(work, options):
+        plan = search(work, options)
+        *settings, last = plan.settings
+        names = set(last.entities).difference(*(setting.entities for setting in settings))
+        assert names
+        left_out = dict.fromkeys(sorted(names), "no pose")
+        return replace(plan, settings=tuple(settings), uninspectable=left_out)
+
+    monkeypatch.setattr(commands._CommandWork, "search", poorer)
+    capsys.readouterr()
+    assert main([*limited, "--resume"]) == DONE
+    assert path.read_bytes() == earlier
+    assert "inspects more than this run in its time, and stays" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    # a run that is not to go on from there begins anew
+    assert main([*limited, "--force"]) == INCOMPLETE
+    assert path.read_bytes() != earlier
 
 
 @pytest.mark.parametrize(
