@@ -2,46 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from typing import Self
+from ground.broken_rule import RuleError
 
 
-class MeasurementModelError(Exception):
-    """Base class of everything this package raises on purpose.
-
-    Attributes
-    ----------
-    parameter : str
-        The parameter that breaks its rule; empty if there is none.
-    rule : str
-        The rule, beginning with its verb.
-    got : str
-        The value that breaks it.
-    """
-
-    parameter: str = ""
-    rule: str = ""
-    got: str = ""
-
-    @classmethod
-    def of_rule(cls, parameter: str, rule: str, got: str) -> Self:
-        """Return the error of a broken rule: "PARAMETER RULE. Got GOT.".
-
-        Parameters
-        ----------
-        parameter, rule, got : str
-            See the attributes.
-
-        Returns
-        -------
-        MeasurementModelError
-            Of this class.
-        """
-        error = cls(f"{parameter} {rule}. Got {got}.")
-        vars(error).update(parameter=parameter, rule=rule, got=got)
-        return error
+class MeasurementModelError(RuleError):
+    """Base class of everything this package raises on purpose."""
 
 
 class InvalidParameterError(MeasurementModelError, ValueError):
