@@ -52,6 +52,7 @@ from planner.search.given import plan_of_given
 from planner.search.incumbents import Incumbents, SearchRun, needed
 from planner.search.split_plan import with_split
 from planner.search.stages import run_stages, settle_early
+from planner.sensor_setting import Reason, ReasonKind
 
 if TYPE_CHECKING:
     from aspectgraph import Solid, VisibilityRegions
@@ -207,9 +208,9 @@ def plan_request(
             if request.poses is None:
                 with checked_by(check_now):
                     plan = with_split(run, run_stages(run, incumbents, request.lighting))
-                memo.finish(with_light(plan, solid, request.lighting))
+                memo.finish(with_light(shown_only(plan, run.bound_of), solid, request.lighting))
             else:
-                memo.finish(plan_of_given(run, request.lighting))
+                memo.finish(shown_only(plan_of_given(run, request.lighting)))
         except TimeIsUpError:
             early = settle_early(run, incumbents.latest(run), incumbents.proven)
         finally:
@@ -364,4 +365,52 @@ def with_light(
         )
     except TimeIsUpError:
         return plan
-    return replace(plan, light=light)
+    return shown_only(replace(plan, light=light))
+
+
+def shown_only(
+    plan: InspectionPlan, bound_of: Callable[[Sequence[str]], int] | None = None
+) -> InspectionPlan:
+    """Return a plan that states in each setting only what its light shows there, without settings that lose all.
+
+    No robot drives to where a camera sees nothing, and no probability is stated of an edge in the dark. Targets that
+    no setting shows become ``uninspectable``, for the reason that the light has.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        With light or without.
+    bound_of : callable, optional
+        Returns how many settings some targets need at least. Default: what the bound of the plan implies. A plan
+        for fewer targets and one setting for each of the others is a plan for all.
+    """
+    if plan.light is None or plan.light.complete:
+        return plan
+    dark = plan.unlit
+    reasons = {
+        name: Reason.of(ReasonKind.NOT_SHOWN, next(u[name] for u in plan.light.unlit if name in u))
+        for name in dark
+    }
+    settings = [
+        setting.without({*dark, *unlit})
+        for setting, unlit in zip(plan.settings, plan.light.unlit, strict=True)
+    ]
+    rows = [k for k, setting in enumerate(settings) if setting.entities]
+    images = tuple(plan.light.images[k] for k in rows)
+    light = replace(plan.light, images=images, unlit=tuple({} for _ in rows))
+    shown = [name for name in plan.promises if name not in reasons]
+    bounds = [plan.lower_bound - len(dark), int(bool(shown))]
+    if bound_of is not None:
+        bounds.append(bound_of(shown))
+    bound = min(max(bounds), len(rows))
+    whole_bound = plan.whole_bound - len(dark)
+    return replace(
+        plan,
+        settings=tuple(settings[k] for k in rows),
+        light=light,
+        lower_bound=bound,
+        bound_proof=plan.bound_proof if rows else "",
+        whole_bound=whole_bound if whole_bound > bound else 0,
+        uninspectable={**plan.uninspectable, **reasons},
+        split={name: value for name, value in plan.split.items() if name not in reasons},
+    )

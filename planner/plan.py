@@ -92,7 +92,8 @@ class InspectionPlan(PlanTables):
         Dimensions whose two ends different settings measure, see ``SensorSetting.ends``, and how sure each is.
     foreseen : tuple of Foreseen
         The U that `measure` will state of each dimension in each setting, with the lamps and breaks of edges of this
-        plan. Without those of lengths, short arcs and dimensions that two settings measure. Empty in older files.
+        plan. Without those of lengths, short arcs and dimensions that two settings measure. Empty in older files, and
+        where the time limit ended before.
     made : Made or None
         When, by whom and by which program the command line made the plan. Plans that differ only in it are equal.
     """
@@ -230,7 +231,8 @@ class InspectionPlan(PlanTables):
         items = words_of(self.targets).items[1]
         shares = f"{len(inspected)} of {len(self.targets)} {items} inspected"
         features = f", {self.features_text}" if self.features_text else ""
-        return f"<InspectionPlan of {self.part!r}: {settings}, {shares}{features}{worst}>"
+        ended = ", planning stopped early" if self.unfinished else ""
+        return f"<InspectionPlan of {self.part!r}: {settings}, {shares}{features}{worst}{ended}>"
 
     @property
     def complete(self) -> bool:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Annotated, Any
 
@@ -68,7 +68,7 @@ class ReasonKind(Enum):
 
 _WORDS = {
     ReasonKind.IN_VIEW_FROM_NO_POSE_TRIED: "not in view from any tried pose",
-    ReasonKind.NOT_SHOWN: "not shown by the light",
+    ReasonKind.NOT_SHOWN: "not readable in the light",
     ReasonKind.TOO_SHORT: "too short for the resolution",
     ReasonKind.TOO_LARGE: "larger than the field of view",
     ReasonKind.TOO_NEAR: "in view only from too close to the part",
@@ -143,6 +143,10 @@ def reasons_from(
     """Return reasons from the texts and kinds of a file; of what has no kind, none is stated."""
     stated = ReasonKind.NOT_STATED.value
     return {name: Reason(text, ReasonKind(kinds.get(name, stated))) for name, text in texts.items()}
+
+
+# fields that hold something of each target
+_BY_TARGET = ("probability", "p_all", "witness", "ends", "passed_over", "lines_in_window_px")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -267,6 +271,28 @@ class SensorSetting:
     def promise(self) -> dict[str, float]:
         """The promise for each entity: `p_all`, or `probability` where that was not counted."""
         return dict(self.p_all or self.probability)
+
+    def without(self, names: Collection[str]) -> SensorSetting:
+        """Return the setting without some of its targets; what it states of the others stays.
+
+        Parameters
+        ----------
+        names : collection of str
+            Names of targets.
+
+        Returns
+        -------
+        SensorSetting
+            Its ``margins`` and ``p_all_together`` are still those with these targets: lower bounds.
+        """
+        remaining: dict[str, Any] = {
+            field: {
+                name: value for name, value in getattr(self, field).items() if name not in names
+            }
+            for field in _BY_TARGET
+        }
+        remaining["entities"] = tuple(name for name in self.entities if name not in names)
+        return replace(self, **remaining, fitness=math.fsum(remaining["probability"].values()))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain Python values, ready for JSON.

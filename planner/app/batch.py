@@ -572,7 +572,7 @@ class FolderWork:
         )
         until = self.deadline.time_left(SIMULATION_SHARE, LEAST_SIMULATION_S)
         simulation, notes = simulate_in_time(
-            plan, self.simulate, request.seed, progress, self.solid, until
+            lit, self.simulate, request.seed, progress, self.solid, until
         )
         if lit.light_missing:
             notes.append(NOT_LIT)

@@ -1024,12 +1024,14 @@ class Lighting:
         LightError
             If there is a lamp inside or on the surface.
         RequestError
-            If a backlight passes through the part or shines away from it.
+            If a backlight passes through the part or shines away from it, or if all positions of lamps are inside.
         """
         if self.area is not None:
             self.area.check_part(solid)
         if isinstance(self.given, np.ndarray):
             check_lamps(solid, self.given, may_touch=False)
+        elif isinstance(self.given, LampBox | LampDome):
+            _check_some_outside(self.given, solid)
 
     def served(
         self,
@@ -1172,3 +1174,20 @@ def _regions(
     if len(regions.entities) < len(demands.entities):
         raise TimeIsUpError
     return regions
+
+
+# positions of lamps that are looked at for one outside the part
+_PLACES = 256
+
+
+def _check_some_outside(lamps: LampBox | LampDome, solid: Solid) -> None:
+    """Refuse a box or a dome whose lamps would all be inside the part."""
+    places = lamps.places(_PLACES)
+    low, high = solid.bounds
+    if not len(places) or not ((places >= low) & (places <= high)).all():
+        return
+    depth = -RayScene(solid.vertices, solid.triangles).signed_distance(places)
+    if (depth > 0).all():
+        corners = [", ".join(f"{x:g}" for x in corner) for corner in lamps.bounds]
+        got = f"{lamps} from ({corners[0]}) to ({corners[1]}) mm, all inside it"
+        raise RequestError.of_rule("lamps", "must have positions outside the part", got)

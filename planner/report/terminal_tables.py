@@ -323,11 +323,16 @@ def _notes(plan: InspectionPlan) -> list[str]:
     for k in range(len(plan.settings)):
         unshown = not_shown_texts(plan, k)
         texts += [f"setting {k + 1}: {text}" for text in [*unshown_texts(images, k), *unshown]]
+    kinds = {kind_of(reason) for reason in plan.uninspectable.values()}
+    if ReasonKind.NOT_SHOWN in kinds:
+        texts.append(
+            "another light may show more: plan without --light, and 'aspectgraph lights' with that plan prints which"
+        )
     if plan.unlit:
         texts.append(
             "'aspectgraph lights' with this plan and its part prints which light shows most"
         )
-    if any(kind_of(reason) in _OF_CAMERA for reason in plan.uninspectable.values()):
+    if kinds & _OF_CAMERA:
         texts.append(
             "another camera may inspect more: 'aspectgraph optics' with the part and its targets ranks bodies and "
             "lenses"

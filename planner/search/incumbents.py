@@ -234,6 +234,14 @@ class SearchRun:
         """Columns that poses inspect."""
         return self.state.pools.realised
 
+    def bound_of(self, names: Sequence[str]) -> int:
+        """Return how many settings some targets need at least, by the proof so far; 0 without one."""
+        state = self.state
+        if state.bound_of is None:
+            return 0
+        proven = ProvenBound(state.bound, state.proof, state.bound_of, state.bound_weights)
+        return proven.for_some(np.isin(self.names, names))
+
     def save(self, entries: dict[str, Any]) -> None:
         """Keep the state, with how far its stage has got."""
         self.state.entries = entries

@@ -99,7 +99,7 @@ def test_lamps_that_are_on_together(folder, capsys):
 def test_a_plan_without_the_light_asked_for_is_incomplete(folder, capsys, monkeypatch):
     """As where the time limit ended before lamps were found."""
     monkeypatch.setattr("planner.app.batch.with_light", lambda plan, *_: replace(plan, light=None))
-    assert main([*PLAN, "--light", "at:0,0,900", "--json"]) == INCOMPLETE
+    assert main([*PLAN, "--light", "lamps.toml", "--json"]) == INCOMPLETE
     told = json.loads(capsys.readouterr().out)
     assert told["light_missing"]
     assert told["plan"]["light"] is None
@@ -140,9 +140,10 @@ def test_what_no_fixed_lamp_shows_makes_the_plan_incomplete(folder, capsys):
     assert main([*PLAN, "--light", "at:30,30,-100;40,40,-200"]) == INCOMPLETE
     told = " ".join(capsys.readouterr().out.split())
     assert (
-        "not shown: p1, p2: none of 2 lamps shows it: 2 with a contrast under 0.1, 0 with a step under 0.1"
-        in told
+        "not inspected: p1, p2: not readable in the light: none of 2 lamps shows it: 2 with a contrast under 0.1, "
+        "0 with a step under 0.1" in told
     )
+    assert "plan without --light, and 'aspectgraph lights' with that plan prints" in told
     # lamps at other places are another request
     assert main([*PLAN, "--light", "lamps.toml"]) == BAD_INPUT
     assert "plan.json of another request: --light changed." in capsys.readouterr().err
@@ -166,6 +167,11 @@ BAD = {
     "two coordinates": (
         ["--light", "at:1,2"],
         "--light must be at:X,Y,Z[;X,Y,Z...]: three numbers for each lamp, in mm. Got 'at:1,2'.",
+    ),
+    "dome inside": (
+        ["--light", "dome:5,5,5,2,-2"],
+        "--light must have positions outside the part. Got the dome of lamps from (3, 3, 3) to (7, 7, 7) "
+        "mm, all inside it.",
     ),
     "lamp inside": (
         ["--light", "at:5,5,5"],

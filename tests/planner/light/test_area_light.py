@@ -395,7 +395,7 @@ def test_what_is_in_view_but_not_its_outline_is_said_to_be_not_shown():
     made = plan_inspection(PLATE, upper, CAMERA, UNCERTAINTY, effort=QUICK, lamps=UNDER)
     reason = made.uninspectable["upper"]
     assert reason.kind is ReasonKind.NOT_SHOWN
-    assert reason.startswith("not shown by the light: poses see it, but under")
+    assert reason.startswith("not readable in the light: poses see it, but under")
     assert str(UNDER) in reason
     assert "is not the outline of the part in front of the backlight" in reason
     # the same without light is inspected

@@ -44,6 +44,7 @@ from planner.search import stages as module
 from planner.search.columns import ColumnPool
 from planner.search.incumbents import SupportedColumns, with_lines_in_windows
 from planner.search.realise_column import PosedOnly, promised_too_much
+from planner.sensor_setting import ReasonKind
 from planner.verify.simulate_setting import MODEL_TOLERANCE
 
 # a narrow field of view, so that there is something to improve and to prove
@@ -476,12 +477,15 @@ def test_a_pose_is_found_from_which_the_lamp_shows_an_edge():
     assert above.light == plan_light(above, block(), [(200.0, 25.0, 900.0)])
 
 
-def test_what_is_shown_from_nowhere_stays_measured():
+def test_what_is_shown_from_nowhere_is_not_inspected():
     """Below the part, a lamp shows neither the top nor, from behind the face, that one."""
     found = planned(lamps=[(200.0, 25.0, -300.0)])
-    assert not found.uninspectable
-    assert not found.complete
-    assert list(found.light.unlit[0]) == ["left"]
+    assert found.uninspectable["left"].kind is ReasonKind.NOT_SHOWN
+    assert found.uninspectable["left"].startswith(
+        "not readable in the light: the lamp does not show it"
+    )
+    assert (found.complete, found.settings, found.lower_bound) == (False, (), 0)
+    assert found.light.images == ()
 
 
 def test_a_ring_light_needs_no_space_of_its_own():

@@ -682,7 +682,7 @@ def test_too_far_apart_names_one_entity_once(ends, who):
     [
         ({"constraint": "visibility", "proven": True}, "unobservable"),
         ({"constraint": "visibility"}, "not in view from any tried pose"),
-        ({"constraint": "light"}, "not shown by the light"),
+        ({"constraint": "light"}, "not readable in the light"),
         ({"constraint": "focus_mm", "together": True}, "no feasible view"),
         ({}, "no feasible view"),
         ({"constraint": "field_of_view_mm"}, "larger than the field of view"),
