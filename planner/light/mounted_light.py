@@ -143,8 +143,8 @@ class _Carried:
     def reason(self) -> str:
         """Why a target is not shown."""
         return (
-            f"has too little contrast or light under the {self.kind}, at the camera or nearby, or is not seen through "
-            "it, or the light would touch the part"
+            f"has too little contrast or light under the {spoken(self.kind)}, at the camera or nearby, or is not "
+            "seen through it, or the light would touch the part"
         )
 
     @property

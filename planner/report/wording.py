@@ -584,7 +584,7 @@ def white_text(share: float, camera: Camera) -> str:
 def lamps_named(image: LitImage, light: LightPlan) -> str:
     """Return which lamps are on in an image, such as "lamp 1", "lamps 1, 2" or "the backlight"."""
     if light.area is not None:
-        return f"the {light.kind}"
+        return f"the {spoken(light.kind)}"
     numbers = ", ".join(str(lamp + 1) for lamp in image.lamps)
     return f"lamp{'s' * (len(image.lamps) > 1)} {numbers}"
 
