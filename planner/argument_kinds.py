@@ -17,6 +17,9 @@ ITEMS = "mapping or sequence"
 MAPPING = "mapping"
 """Names the items of a request by keys."""
 
+OF_MODEL = "write wanted, left_out = dimensions_to_plan(stated) and pass wanted"
+"""Says how dimensions of a CAD model become a request."""
+
 _HINTS = {
     "Solid": "read_solid reads one from a file",
     "Cell": "Cell.from_toml reads one from a file",
@@ -117,6 +120,8 @@ def check_kinds(**given: tuple[object, str]) -> None:
         if _is(value, kind):
             continue
         hint = _HINTS.get(kind, "")
+        if kind in (ITEMS, MAPPING) and _of_model(value):
+            hint = OF_MODEL
         if any(_is(value, other) for _, other in given.values()):
             hint = f"the order of the arguments is {', '.join(given)}"
         rule = f"must be {with_article(kind)}"
@@ -181,6 +186,19 @@ def _is(value: object, kind: str) -> bool:
     if kind == MAPPING:
         return isinstance(value, Mapping)
     return kind in (ancestor.__name__ for ancestor in type(value).__mro__)
+
+
+def kind_of_model(value: object) -> bool:
+    """Return whether a value is a requirement of a CAD model, which is no request yet."""
+    kinds = ("ModelDimension", "GeometricTolerance", "ModelRequirements")
+    return any(_is(value, kind) for kind in kinds)
+
+
+def _of_model(value: object) -> bool:
+    """Return whether a value is what `dimensions_to_plan` takes or returns."""
+    if not isinstance(value, list | tuple):
+        return kind_of_model(value)
+    return any(isinstance(item, Mapping) or kind_of_model(item) for item in value)
 
 
 def kind_shown(value: object) -> str:
