@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
+from functools import wraps
 from numbers import Integral, Real
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 from planner.exceptions import RequestError
+
+_Parameters = ParamSpec("_Parameters")
+_Result = TypeVar("_Result")
 
 ITEMS = "mapping or sequence"
 """What names the items of a request; a text is none."""
@@ -171,6 +176,46 @@ def check_keywords(call: str, given: Iterable[str], known: Sequence[str]) -> Non
         meant = _OTHER_WORDS.get(name) or next(iter(get_close_matches(name, known)), "")
         hint = f"; did you mean {meant!r}?" if meant else ""
         raise TypeError(f"{call}() has no argument {name!r}{hint}")
+
+
+def takes_names(
+    rule: str, example: str
+) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]:
+    """Return a decorator for a call whose arguments all need their names, with its refusal in one line.
+
+    Parameters
+    ----------
+    rule : str
+        The names, with units.
+    example : str
+        A right call.
+    """
+
+    def decorate(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
+        signature = inspect.signature(function)
+        call = f"{function.__qualname__}()"
+
+        @wraps(function)
+        def checked(*args: _Parameters.args, **keywords: _Parameters.kwargs) -> _Result:
+            try:
+                signature.bind(*args, **keywords)
+            except TypeError:
+                got = _arguments(args[1:], keywords)
+                text = f"{call} takes {rule}, each by its name. Got {got}; write {example}."
+                raise TypeError(text) from None
+            return function(*args, **keywords)
+
+        return checked
+
+    return decorate
+
+
+def _arguments(values: Sequence[object], keywords: Mapping[str, object]) -> str:
+    """Return what a call got: the values without a name, and the names."""
+    texts = [kind_shown(value) for value in values]
+    if texts:
+        return f"{' and '.join(texts)} without a name"
+    return ", ".join(keywords) if keywords else "no argument"
 
 
 def shown(value: object, text: Callable[[Any], str] = repr) -> str:

@@ -250,6 +250,26 @@ def test_dimensions_of_a_model_are_refused_with_how_they_become_a_request(entiti
         assert str(info.value).endswith(OF_MODEL)
 
 
+@pytest.mark.parametrize(
+    ("call", "got"),
+    [
+        (lambda: PoseUncertainty.isotropic(0.001, 50), "0.001 and 50 without a name"),
+        (lambda: PoseUncertainty.isotropic(0.05, rotation_rad=0.001), "0.05 without a name"),
+        (lambda: PoseUncertainty.isotropic(translation_mm=0.05), "translation_mm"),
+        (lambda: PoseUncertainty.isotropic(mm=0.05, rotation_rad=0.001), "mm, rotation_rad"),
+        (lambda: PoseUncertainty.isotropic(), "no argument"),
+    ],
+)
+def test_an_uncertainty_without_its_names_is_refused_with_names_and_units(call, got):
+    with pytest.raises(TypeError) as info:
+        call()
+    assert str(info.value) == (
+        "PoseUncertainty.isotropic() takes translation_mm in mm and rotation_rad in rad, each by "
+        f"its name. Got {got}; write PoseUncertainty.isotropic(translation_mm=0.05, "
+        "rotation_rad=0.001)."
+    )
+
+
 def test_pairs_of_a_name_and_a_dimension_are_refused_with_how_to_name_them():
     pairs = list(dimensions_to_plan([RECORD])[0].items())
     with pytest.raises(
