@@ -94,7 +94,7 @@ _LIMITS = (
     *("registration", "split", "lamps"),
 )
 # least and most of what is counted
-_COUNTS = {"seed": (0, MOST_SEED), "simulate": (1, 10**9), "graph_limit": (0, 10**9)}
+_COUNTS = {"seed": (0, MOST_SEED), "simulate": (0, 10**9), "graph_limit": (0, 10**9)}
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ class PartRequest:
     units : str, optional
         Unit of the coordinates of mesh files.
     simulate : int
-        Number of displaced poses per setting that check each plan.
+        Number of displaced poses per setting that check each plan. 0: no simulation.
     graph_limit : int
         Write the joint graph for at most this many entities.
     effort : Effort

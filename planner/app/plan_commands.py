@@ -547,7 +547,10 @@ def plan(options: Plan) -> int:
         _print_planned(options, result, job, written, leftovers)
         if interrupted:
             raise KeyboardInterrupt
-    confirmed = result.simulation is not None and result.simulation.confirmed
+    if result.simulation is None:
+        confirmed = options.simulate == 0
+    else:
+        confirmed = result.simulation.confirmed
     return DONE if result.complete and confirmed else INCOMPLETE
 
 

@@ -116,6 +116,13 @@ def request_():
     )
 
 
+def test_parts_without_displaced_poses_are_planned_and_not_simulated(parts, request_, tmp_path):
+    out = tmp_path / "out"
+    results = plan_folder(parts, out, replace(request_, simulate=0))
+    assert [one.status for one in results] == ["planned", "planned", "refused"]
+    assert read_plan(out / "a.off" / "plan.json").simulation is None
+
+
 def test_every_part_has_a_result_and_is_found_again(parts, request_, tmp_path, monkeypatch):
     out = tmp_path / "out"
     told = []
@@ -284,7 +291,7 @@ def test_bad_input(parts, request_, tmp_path):
         ({"probability": True}, r"probability must be in \(0, 1\)\. Got True\."),
         ({"seed": -1}, "seed must be an integer of at least 0"),
         ({"seed": 10**400}, r"seed must be at most 1e\+300\. Got an integer of 1329 bits\."),
-        ({"simulate": 0}, "simulate must be an integer of at least 1"),
+        ({"simulate": -1}, "simulate must be an integer of at least 0"),
         ({"simulate": 10**12}, r"simulate must be at most 1e\+09"),
         ({"graph_limit": 1.5}, "graph_limit must be an integer of at least 0"),
         ({"select": 5}, r"select must be a str\. Got 5\."),

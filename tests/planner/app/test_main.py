@@ -209,6 +209,14 @@ def test_simulating_with_the_part_counts_the_images_that_show_the_edges(folder, 
     assert json.loads(capsys.readouterr().out)["shown"] is None
 
 
+def test_no_displaced_pose_means_no_simulation(folder, quick, capsys):
+    """A complete plan is then done, though no simulation confirms it."""
+    assert main([*PLAN, "--simulate", "0"]) == DONE
+    assert "Not simulated." in capsys.readouterr().out
+    assert read_plan(folder / "out" / "plan.json").simulation is None
+    assert main([*PLAN[:-1], "far", "--simulate", "0", "--stand-off", "450"]) == INCOMPLETE
+
+
 def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
     assert main([*PLAN, "--simulate", "100"]) == DONE
     expected = (folder / "out" / "plan.json").read_bytes()
