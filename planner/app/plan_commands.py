@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import time
@@ -619,12 +620,14 @@ def _earlier_plan(folder: Path) -> InspectionPlan | None:
 def _planned(options: Plan, job: Job, leftovers: Leftovers) -> tuple[InspectionPlan, Written, bool]:
     """Plan and write; return plan, files, and whether it was interrupted."""
     limited = options.time_limit is not None
+    until = math.inf if options.time_limit is None else options.begun + options.time_limit
     with (
         terminal_progress(
             quiet=options.quiet,
             lines=options.verbose,
             waiting=limited,
             most_silent_s=WATCHED_S if limited else None,
+            until=until,
         ) as progress,
         _executor(options.jobs) as executor,
     ):
