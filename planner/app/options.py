@@ -1032,7 +1032,7 @@ class Batch(
     all
         all sharp straight edges, the default
     dimensions
-        all: the dimensions that each part (AP242) states
+        all: the dimensions that each part (AP242) states; FOLDER: those of NAME.toml in it for each part NAME
     localisation
         error of points in the image: rounding, gaussian[:SIGMA[:FLOOR]] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px;
         FLOOR does not average out (default: rounding, with --dimensions gaussian:0.1:0.05)
@@ -1048,7 +1048,7 @@ class Batch(
     folder: str = field(kw_only=False)
     select: Annotated[str | None, _named("RULE")] = None
     all: bool = False
-    dimensions: Annotated[str | None, _named("all")] = None
+    dimensions: Annotated[str | None, _named("all|FOLDER")] = None
     scheduler: Annotated[str | None, _named("ADDRESS")] = None
 
 
