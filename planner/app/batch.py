@@ -216,7 +216,18 @@ class PartRequest:
         return request_of_any_part(self.camera, self.pose_uncertainty, self.options)
 
     def fingerprint_of(self, part: str) -> str:
-        """Return the digest of the request for one part: with that of its file of dimensions, if it has one."""
+        """Return the digest of the request for one part: with that of its file of dimensions, if it has one.
+
+        Parameters
+        ----------
+        part : str
+            The part's file, relative to the folder of parts.
+
+        Returns
+        -------
+        str
+            Equal to `fingerprint` without a folder of such files.
+        """
         if not isinstance(self.dimensions, DimensionFolder):
             return self.fingerprint
         path = self.dimensions.file_of(part)

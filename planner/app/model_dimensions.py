@@ -156,12 +156,17 @@ class DimensionFolder:
         return next((path for path in paths if path.is_file()), None)
 
     def check_parts(self, parts: Iterable[str]) -> None:
-        """Raise `RequestError` if a part has no file.
+        """Check that every part has a file.
 
         Parameters
         ----------
         parts : iterable of str
             The parts' files, relative to the folder of parts.
+
+        Raises
+        ------
+        RequestError
+            A part has none.
         """
         missing = [part for part in parts if self.file_of(part) is None]
         if missing:
@@ -178,6 +183,11 @@ class DimensionFolder:
             The part's file, relative to the folder of parts.
         solid : Solid
             The part.
+
+        Returns
+        -------
+        dict of str to Dimension or entity
+            By name, in the order of the file.
 
         Raises
         ------
