@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
+from functools import wraps
 from numbers import Integral, Real
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 from planner.exceptions import RequestError
+
+_Parameters = ParamSpec("_Parameters")
+_Result = TypeVar("_Result")
 
 ITEMS = "mapping or sequence"
 """What names the items of a request; a text is none."""
 
 MAPPING = "mapping"
 """Names the items of a request by keys."""
+
+OF_MODEL = "write wanted, left_out = dimensions_to_plan(stated) and pass wanted"
+"""Says how dimensions of a CAD model become a request."""
 
 _HINTS = {
     "Solid": "read_solid reads one from a file",
@@ -117,6 +125,8 @@ def check_kinds(**given: tuple[object, str]) -> None:
         if _is(value, kind):
             continue
         hint = _HINTS.get(kind, "")
+        if kind in (ITEMS, MAPPING) and _of_model(value):
+            hint = OF_MODEL
         if any(_is(value, other) for _, other in given.values()):
             hint = f"the order of the arguments is {', '.join(given)}"
         rule = f"must be {with_article(kind)}"
@@ -168,6 +178,46 @@ def check_keywords(call: str, given: Iterable[str], known: Sequence[str]) -> Non
         raise TypeError(f"{call}() has no argument {name!r}{hint}")
 
 
+def takes_names(
+    rule: str, example: str
+) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]:
+    """Return a decorator for a call whose arguments all need their names, with its refusal in one line.
+
+    Parameters
+    ----------
+    rule : str
+        The names, with units.
+    example : str
+        A right call.
+    """
+
+    def decorate(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
+        signature = inspect.signature(function)
+        call = f"{function.__qualname__}()"
+
+        @wraps(function)
+        def checked(*args: _Parameters.args, **keywords: _Parameters.kwargs) -> _Result:
+            try:
+                signature.bind(*args, **keywords)
+            except TypeError:
+                got = _arguments(args[1:], keywords)
+                text = f"{call} takes {rule}, each by its name. Got {got}; write {example}."
+                raise TypeError(text) from None
+            return function(*args, **keywords)
+
+        return checked
+
+    return decorate
+
+
+def _arguments(values: Sequence[object], keywords: Mapping[str, object]) -> str:
+    """Return what a call got: the values without a name, and the names."""
+    texts = [kind_shown(value) for value in values]
+    if texts:
+        return f"{' and '.join(texts)} without a name"
+    return ", ".join(keywords) if keywords else "no argument"
+
+
 def shown(value: object, text: Callable[[Any], str] = repr) -> str:
     """Return a value as Python writes it, shortened to a readable length."""
     if isinstance(value, int) and value.bit_length() > 240:
@@ -181,6 +231,19 @@ def _is(value: object, kind: str) -> bool:
     if kind == MAPPING:
         return isinstance(value, Mapping)
     return kind in (ancestor.__name__ for ancestor in type(value).__mro__)
+
+
+def kind_of_model(value: object) -> bool:
+    """Return whether a value is a requirement of a CAD model, which is no request yet."""
+    kinds = ("ModelDimension", "GeometricTolerance", "ModelRequirements")
+    return any(_is(value, kind) for kind in kinds)
+
+
+def _of_model(value: object) -> bool:
+    """Return whether a value is what `dimensions_to_plan` takes or returns."""
+    if not isinstance(value, list | tuple):
+        return kind_of_model(value)
+    return any(isinstance(item, Mapping) or kind_of_model(item) for item in value)
 
 
 def kind_shown(value: object) -> str:

@@ -26,7 +26,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ground.blas import with_one_thread
-from planner.argument_kinds import ITEMS, check_keywords, check_kinds, shown
+from planner.argument_kinds import (
+    ITEMS,
+    OF_MODEL,
+    check_keywords,
+    check_kinds,
+    kind_of_model,
+    shown,
+    with_article,
+)
 from planner.callbacks import FORESEEN_SHARE, Callbacks, Deadline
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
@@ -234,16 +242,26 @@ def _items(entities: Any) -> Any:
     if not (is_array or is_set or isinstance(entities, list | tuple)):
         return entities
     for item in entities:
-        if isinstance(item, Dimension):
-            rule = "must name each dimension"
-            got = f"a {type(entities).__name__} with {shown(item)}"
-            hint = 'write {"name": Dimension(...)}'
-            raise RequestError.of_rule("entities", rule, got, hint=hint)
+        _check_item(item, type(entities).__name__)
     if not (is_array or is_set):
         return entities
     from aspectgraph.entities.entity import unnamed_entities
 
     return unnamed_entities(entities)
+
+
+def _check_item(item: Any, container: str) -> None:
+    """Refuse an item of a sequence that only a mapping can hold, or that is no request yet."""
+    is_pair = isinstance(item, tuple) and any(isinstance(part, Dimension) for part in item)
+    if is_pair or isinstance(item, Dimension):
+        rule = "must name each dimension"
+        got = f"a {container} with {shown(item)}"
+        hint = 'write {"name": Dimension(...)}'
+        raise RequestError.of_rule("entities", rule, got, hint=hint)
+    if isinstance(item, Mapping) or kind_of_model(item):
+        rule = "must be one mapping, or a sequence of edges, rims and arcs"
+        got = f"a {container} with {with_article(type(item).__name__)}"
+        raise RequestError.of_rule("entities", rule, got, hint=OF_MODEL)
 
 
 def _problem(

@@ -125,11 +125,14 @@ class InspectionOptions(RunOptions):
         Robot that must reach every setting, and how the part lies before it. Each setting of the
         plan then has a ``fixturing`` and ``joints``. The cell only forbids poses, so the lower
         bound is proven without it, and holds.
-    lamps : array_like, shape (n, 3), or LampBox, LampDome, Backlight, "ring", "backlight" or Lighting, optional
-        Lamps that must light the targets, as in `plan_light`. The plan then has its ``light``. If
-        no lamp lights a target in any setting, the program searches for other poses. With "ring",
-        the search is restricted to viewpoints where the ring light makes edges visible. The same
-        holds for a backlight.
+    lamps : array_like, shape (n, 3), LampBox, LampDome, light with an area, str or Lighting, optional
+        Lamps that must light the targets, as in `plan_light`; a `Lighting` also holds its options.
+        The plan then has its ``light``. Lights with an area are `Backlight`, `DiffuseDome`,
+        `CoaxialLight` and `RingLight`. Texts are "ring", "backlight", "diffuse-dome", "coaxial",
+        "ring-light", and names of the catalogue such as "coaxial:NAME", see `light_names`. If no
+        lamp lights a target in any setting, the program searches for other poses. With "ring" or
+        a light with an area, the search is restricted to viewpoints where the light makes edges
+        visible.
     effort : Effort, optional
         How long to search. Default: ``Effort()``, or ``Effort.for_dimensions()`` for dimensions.
     localisation : Localisation, optional

@@ -190,6 +190,7 @@ def terminal_progress(
     lines: bool = False,
     waiting: bool = False,
     most_silent_s: float | None = None,
+    until: float = math.inf,
 ) -> Iterator[Progress | None]:
     """Show progress: a live bar per label on a terminal, otherwise one line per finished label.
 
@@ -205,6 +206,8 @@ def terminal_progress(
         Of few labels that take long: where there are lines, also say soon how far each is, and now and then.
     most_silent_s : float, optional
         With `waiting`, the longest time between two such lines, also between two labels. Default: ever longer times.
+    until : float
+        When a time limit ends the work, of `time.monotonic`: no estimate exceeds it. Default: never.
     """
     if quiet:
         with _compiling(None):
@@ -212,10 +215,10 @@ def terminal_progress(
         return
     stream = sys.stderr if stream is None else stream
     if stream.isatty() and not lines:
-        with _bars(stream) as progress, _compiling(progress):
+        with _bars(stream, until=until) as progress, _compiling(progress):
             yield progress
     else:
-        line_stream = _LineStream(stream)
+        line_stream = _LineStream(stream, until)
         with _compiling(line_stream):
             if not waiting:
                 yield line_stream
@@ -386,10 +389,15 @@ class Pace:
     ----------
     clock : callable
         Seconds.
+    until : float
+        When a time limit ends the work, as the clock counts. Default: never.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, clock: Callable[[], float] = time.monotonic, *, until: float = math.inf
+    ) -> None:
         self._clock = clock
+        self._until = until
         self._begun: dict[str, tuple[float, int]] = {}
         self._last: dict[str, int] = {}
         self._again: dict[str, float] = {}
@@ -410,11 +418,16 @@ class Pace:
         if done >= total or few or now < self._again.get(label, 0.0):
             return None
         remaining_s = seconds * (total - done) / pieces
-        if remaining_s < _LONG_S:
+        limit_s = self._until - now
+        if min(remaining_s, limit_s) < _LONG_S:
             return None
         self._again[label] = now + 2.0 * remaining_s
+        if remaining_s > limit_s:
+            text = duration(limit_s, down=True)
+            return f"{label}: at most {text} more, then the time limit ends it"
         suffix = ", or less" if label in _AT_MOST else ""
-        return f"{label}: about {duration(remaining_s)} more{suffix}, at the pace of the first {done} of {total}"
+        text = duration(remaining_s, down=limit_s < math.inf)
+        return f"{label}: about {text} more{suffix}, at the pace of the first {done} of {total}"
 
 
 # a pace is told from so many pieces, such a share of them and so many seconds on, if so much more is to come
@@ -439,38 +452,53 @@ _AHEAD_S = 10.0
 _AT_MOST = ("combining targets", "lower bound")
 
 
-def duration(seconds: float) -> str:
+def duration(seconds: float, *, down: bool = False) -> str:
     """Return seconds for people, without digits that nobody knows: 40 s, 3 min, 2.5 h, 4 days.
 
     Parameters
     ----------
     seconds : float
         Finite, not negative.
+    down : bool
+        Round down, but to 10 s at least.
     """
+    whole: Callable[[float], int] = math.floor if down else round
     if seconds < 90.0:
-        return f"{max(10, 10 * round(seconds / 10.0))} s"
+        return f"{max(10, 10 * whole(seconds / 10.0))} s"
     if seconds < 5400.0:
-        return f"{round(seconds / 60.0)} min"
+        return f"{whole(seconds / 60.0)} min"
     hours = seconds / 3600.0
     if hours < 10.0:
-        return f"{round(2.0 * hours) / 2.0:g} h"
-    return f"{round(hours)} h" if hours < 48.0 else f"{round(hours / 24.0)} days"
+        return f"{whole(2.0 * hours) / 2.0:g} h"
+    return f"{whole(hours)} h" if hours < 48.0 else f"{whole(hours / 24.0)} days"
 
 
 @contextmanager
-def _bars(stream: TextIO | None, *, transient: bool = False) -> Iterator[Progress]:
+def _bars(
+    stream: TextIO | None, *, transient: bool = False, until: float = math.inf
+) -> Iterator[Progress]:
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
+        Task,
         TextColumn,
         TimeElapsedColumn,
         TimeRemainingColumn,
     )
     from rich.progress import Progress as RichProgress
+    from rich.text import Text
+
+    class TimeToLimitColumn(TimeRemainingColumn):
+        def render(self, task: Task) -> Text:
+            limit_s = max(until - time.monotonic(), 0.0)
+            if task.finished or (task.time_remaining or 0.0) <= limit_s:
+                return super().render(task)
+            minutes, seconds = divmod(int(limit_s), 60)
+            return Text(f"{minutes // 60:d}:{minutes % 60:02d}:{seconds:02d}", "progress.remaining")
 
     # its colours are no text; the text is escaped before it comes here
     console_stream = None if stream is None else unescaped(stream)
-    times = (TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())
+    times = (TimeElapsedColumn(), TextColumn("left:"), TimeToLimitColumn())
     columns = (
         TextColumn("{task.description:<34}", markup=False),
         BarColumn(),
@@ -480,7 +508,7 @@ def _bars(stream: TextIO | None, *, transient: bool = False) -> Iterator[Progres
     console = terminal_console(console_stream)
     # while bars are shown, rich has its own standard error, for which names are escaped, too
     with RichProgress(*columns, console=console, transient=transient) as bars, visible_output():
-        yield _Bars(bars)
+        yield _Bars(bars, until)
 
 
 def terminal_console(stream: TextIO | None, **options: Any) -> Console:
@@ -497,9 +525,9 @@ def terminal_console(stream: TextIO | None, **options: Any) -> Console:
 class _Bars:
     """One live bar per label; lines that stay appear above them."""
 
-    def __init__(self, bars: RichProgress) -> None:
+    def __init__(self, bars: RichProgress, until: float = math.inf) -> None:
         self._bars = bars
-        self._pace = Pace()
+        self._pace = Pace(until=until)
         self._tasks: dict[str, TaskID] = {}
 
     def __call__(self, done: int, total: int, label: str) -> None:
@@ -517,9 +545,9 @@ class _Bars:
 class _LineStream:
     """One line whenever all known work of a label is done, and about how long that takes: readable in a log."""
 
-    def __init__(self, stream: TextIO | None) -> None:
+    def __init__(self, stream: TextIO | None, until: float = math.inf) -> None:
         self._stream = stream
-        self._pace = Pace()
+        self._pace = Pace(until=until)
         self._started: dict[str, float] = {}
         self._finished: set[tuple[str, int]] = set()
         self._ahead_again = 0.0

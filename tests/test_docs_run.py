@@ -167,7 +167,13 @@ def dimensions(names):
 
 def from_a_drawing(names):
     # a quarter of the zone of 0.2 mm: the value of a position is twice its deviation
-    assert float(names["printed"]) == pytest.approx(0.05)
+    first, *reasons, last = names["printed"].splitlines()
+    assert float(first) == pytest.approx(0.05)
+    # as the commands of the page count: 12 dimensions, of 6 geometric tolerances 2 positions
+    assert len(names["wanted"]) == 12
+    assert len(reasons) == len(names["left_out"]) == 6
+    assert all(" is not planned: " in line for line in reasons)
+    assert "12 of 12 dimensions inspected" in last
 
 
 def cameras(names):

@@ -7,11 +7,12 @@ import inspect
 import json
 import re
 import shlex
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from pathlib import Path
 
 import pytest
 
+from planner import Camera, CameraError
 from planner.app import process
 from planner.app.options import COMMANDS, Showing
 from planner.measuring.reading import SOURCES
@@ -197,3 +198,42 @@ def test_constants_of_the_proof_are_those_of_the_code():
             assert any(close) or not stated, name
             n += any(close)
     assert n >= 6
+
+
+def test_the_fields_of_a_camera_file_are_those_that_are_read(tmp_path):
+    rows = rows_of("cameras.md", "field | unit | meaning | default")
+    assert all(len(row) == 4 and all(row) for row in rows)
+    known = {item.name: item.default is MISSING for item in fields(Camera)}
+    assert code(firsts(rows)) == [*known, "calibration"]
+    required = {name.strip("`"): default == "required" for name, _, _, default in rows}
+    assert required == {**known, "calibration": False}
+    for name, unit, *_ in rows:
+        if name.strip("`").endswith(("_mm", "_px")):
+            assert name.strip("`").endswith(f"_{unit}")
+    file = tmp_path / "left.toml"
+    file.write_text("field = 1\n")
+    with pytest.raises(CameraError, match="must be one of ") as refusal:
+        Camera.from_toml(file)
+    listed = re.search("must be one of (.*?)\\.", str(refusal.value))[1].split(", ")
+    assert listed == list(known)
+
+
+def test_the_defaults_of_a_camera_file_are_as_the_page_says(tmp_path):
+    example = ROOT / "examples/camera.toml"
+    file = tmp_path / "left.toml"
+    file.write_text(re.sub(r"(?m)^name = .*$", "", example.read_text()))
+    camera = Camera.from_toml(file)
+    assert camera.name == "left"
+    assert camera.largest_blur_mm == min(camera.pixel_pitch_mm)
+    for name in ("principal_point_px", "distortion", "white_level", "response"):
+        assert getattr(camera, name) is None
+    # what a calibration gives is not required
+    calibration = tmp_path / "cameras.txt"
+    calibration.write_text("1 PINHOLE 2448 2048 2381.9 2382.4 1231.6 1019.2\n")
+    file.write_text(
+        'calibration = "cameras.txt"\npixel_pitch_mm = 0.00345\nf_number = 8\nfocus_distance_mm = 300\n'
+    )
+    camera = Camera.from_toml(file)
+    assert camera.resolution == (2448, 2048)
+    # its first pixel's centre is (0.5, 0.5)
+    assert camera.principal_point_px == pytest.approx((1231.1, 1018.7))

@@ -815,7 +815,7 @@ def _id_name(item: Any) -> str:
     if isinstance(item, Stretch | Run) or is_part_text(item):
         return (parse_part(item) if isinstance(item, str) else item).name
     if isinstance(item, bool) or not isinstance(item, int | np.integer):
-        raise EntityError(f"edge ids must be integers. Got {item!r}.")
+        raise EntityError.of_rule("edge ids", "must be integers", repr(item)[:80])
     return f"e{item}"
 
 

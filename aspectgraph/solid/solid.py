@@ -243,11 +243,14 @@ class FileSolids(NamedTuple):
         Solids that only stand in the way.
     entries : tuple of SolidEntry
         All solids of the file. Empty if it holds one solid, which nobody named.
+    n_faces : int
+        Faces of the CAD model, of all solids that were read. Without those of which the file states facets only.
     """
 
     measured: tuple[int, ...]
     occluders: tuple[int, ...]
     entries: tuple[SolidEntry, ...] = ()
+    n_faces: int = 0
 
     @property
     def is_choice(self) -> bool:

@@ -32,7 +32,7 @@ from errors.exceptions import MeasurementModelError
 from ga.exceptions import GAError
 from ground.convert import STATED, Meta, from_plain, to_plain
 from ground.short_repr import short_repr
-from planner.app.model_dimensions import ModelDimensions, stated_dimensions
+from planner.app.model_dimensions import DimensionFolder, ModelDimensions, stated_dimensions
 from planner.argument_kinds import (
     MAPPING,
     NOT_NEGATIVE,
@@ -94,7 +94,7 @@ _LIMITS = (
     *("registration", "split", "lamps"),
 )
 # least and most of what is counted
-_COUNTS = {"seed": (0, MOST_SEED), "simulate": (1, 10**9), "graph_limit": (0, 10**9)}
+_COUNTS = {"seed": (0, MOST_SEED), "simulate": (0, 10**9), "graph_limit": (0, 10**9)}
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ class PartRequest:
     units : str, optional
         Unit of the coordinates of mesh files.
     simulate : int
-        Number of displaced poses per setting that check each plan.
+        Number of displaced poses per setting that check each plan. 0: no simulation.
     graph_limit : int
         Write the joint graph for at most this many entities.
     effort : Effort
@@ -129,9 +129,10 @@ class PartRequest:
         ``focus_margin_mm``, ``showing``, ``localisation``, ``surfaces_mm``, ``edge_break_mm``, ``registration``,
         ``split``, ``lamps``, ``time_limit_s`` and ``gap`` as `plan_inspection` takes them. The time limit applies to
         each part.
-    dimensions : ModelDimensions, optional
-        Plan the dimensions that each part (AP242) states, instead of its edges. Take
-        ``Effort.for_dimensions()`` with it. A part that states none is refused.
+    dimensions : ModelDimensions or DimensionFolder, optional
+        Plan the dimensions that each part (AP242) states, or those of a file for each part,
+        instead of its edges. Take ``Effort.for_dimensions()`` with it. A part that states none is
+        refused.
 
     Raises
     ------
@@ -161,7 +162,7 @@ class PartRequest:
     graph_limit: int = 0
     effort: Effort = field(default_factory=Effort)
     limits: Mapping[str, Any] = field(default_factory=dict)
-    dimensions: ModelDimensions | None = None
+    dimensions: ModelDimensions | DimensionFolder | None = None
 
     __repr__ = short_repr
 
@@ -180,7 +181,8 @@ class PartRequest:
             check_kinds(select=(self.select, "str"))
             check_selection(self.select)
         if self.dimensions is not None:
-            check_kinds(dimensions=(self.dimensions, "ModelDimensions"))
+            if not isinstance(self.dimensions, DimensionFolder):
+                check_kinds(dimensions=(self.dimensions, "ModelDimensions"))
             if self.select is not None:
                 rule = "must not be given with dimensions"
                 raise RequestError.of_rule("select", rule, repr(self.select))
@@ -213,6 +215,24 @@ class PartRequest:
         """The request that applies to every part, without part, targets and workspace."""
         return request_of_any_part(self.camera, self.pose_uncertainty, self.options)
 
+    def fingerprint_of(self, part: str) -> str:
+        """Return the digest of the request for one part: with that of its file of dimensions, if it has one.
+
+        Parameters
+        ----------
+        part : str
+            The part's file, relative to the folder of parts.
+
+        Returns
+        -------
+        str
+            Equal to `fingerprint` without a folder of such files.
+        """
+        if not isinstance(self.dimensions, DimensionFolder):
+            return self.fingerprint
+        path = self.dimensions.file_of(part)
+        return digest_of(self.fingerprint, "" if path is None else file_digest(path))
+
     @property
     def fingerprint(self) -> str:
         """Digest of the request and the program. Equal digests mean equal plans of a file.
@@ -226,6 +246,8 @@ class PartRequest:
         settings["limits"] = {"time_limit_s": self.options.time_limit_s}
         if self.dimensions is not None:
             settings["dimensions"] = asdict(self.dimensions)
+            # what its files hold counts, not where they are
+            settings["dimensions"].pop("folder", None)
         return digest_of(self.request.fingerprint(), settings)
 
 
@@ -392,7 +414,7 @@ def plan_part(request: PartRequest, part: str, path: Path, folder: Path) -> Part
         It is written, too, if that is possible.
     """
     file_sha256 = file_digest(path)
-    fingerprint = request.fingerprint
+    fingerprint = request.fingerprint_of(part)
     begun = time.monotonic()
     earlier_result = found_again(part, folder, file_sha256, fingerprint)
     if earlier_result is not None:
@@ -403,7 +425,7 @@ def plan_part(request: PartRequest, part: str, path: Path, folder: Path) -> Part
         with folder_lock(folder):
             # whose folder it is must be known if the process is killed
             replace(blank, reason="it was not planned to the end").write(folder)
-            plan, left_out = _planned(request, path, folder)
+            plan, left_out = _planned(request, part, path, folder)
             result = _described(blank, plan, left_out, folder)
     except Exception as error:
         # one part, whatever is wrong with it, must not end the batch
@@ -597,13 +619,15 @@ class _PartWork(FolderWork):
 
 
 def _planned(
-    request: PartRequest, path: Path, folder: Path
+    request: PartRequest, part: str, path: Path, folder: Path
 ) -> tuple[InspectionPlan, dict[str, str]]:
     """Read a part, and plan it; return the plan, and the dimensions left out with the reasons."""
     solid = read_solid(path, units=request.units)
     entities: Mapping[str, Any]
     left_out: dict[str, str] = {}
-    if request.dimensions is not None:
+    if isinstance(request.dimensions, DimensionFolder):
+        entities = request.dimensions.chosen(part, solid)
+    elif request.dimensions is not None:
         stated = stated_dimensions(path, solid)
         entities, left_out = request.dimensions.chosen(stated, path.name)
     else:
@@ -740,7 +764,8 @@ class PartTask(NamedTuple):
 
     def failed(self, reason: str, status: str = FAILED) -> PartResult:
         """Return the result where there is none of the worker."""
-        return PartResult(self.part, status, reason, request=self.request.fingerprint)
+        fingerprint = self.request.fingerprint_of(self.part)
+        return PartResult(self.part, status, reason, request=fingerprint)
 
 
 def on_executor(tasks: Sequence[PartTask], executor: Executor) -> Iterator[PartResult]:
@@ -919,7 +944,10 @@ def plan_folder(
         results: dict[str, PartResult] = {}
         waiting: list[PartTask] = []
         ours = parts_in(target / TABLES[0]) or set()
-        for path in part_files(source, target):
+        paths = part_files(source, target)
+        if isinstance(request.dimensions, DimensionFolder):
+            request.dimensions.check_parts([name_text(path.relative_to(source)) for path in paths])
+        for path in paths:
             name = name_text(path.relative_to(source))
             task = PartTask(request, name, path, target / path.relative_to(source))
             earlier_result = _earlier_result(task, replace or name in ours)
@@ -948,7 +976,7 @@ def _earlier_result(task: PartTask, may_replace: bool) -> PartResult | None:
         kind = "a link that leads nowhere" if task.path.is_symlink() else "a pipe or a device"
         return task.failed(f"the part must be an existing file. Got {kind}.", REFUSED)
     earlier_result = found_again(
-        task.part, task.folder, file_digest(task.path), task.request.fingerprint
+        task.part, task.folder, file_digest(task.path), task.request.fingerprint_of(task.part)
     )
     if earlier_result is None and not may_replace:
         try:

@@ -67,6 +67,7 @@ _GREY_STEP = 0.1
 
 File = Annotated[str | None, _named("FILE")]
 Number = Annotated[int, value(whole, "N"), Count(1)]
+NumberFrom0 = Annotated[int, value(whole, "N"), Count(0)]
 Jobs = Annotated[int, value(whole, "N", "--jobs", "-j"), Count(1)]
 Seed = Annotated[int, value(whole, "N"), Count(0, _MOST_SEED)]
 Limit = Annotated[int | None, value(whole, "N"), Count(0)]
@@ -380,7 +381,7 @@ class SearchEffort:
     seed
         same seed, same plan
     simulate
-        check the plan with this many displaced poses per setting
+        unless it is 0, check the plan with this many displaced poses per setting
     jobs
         processes to use, at most one per core
     """
@@ -390,7 +391,7 @@ class SearchEffort:
     gap: Annotated[float, value(SHARE, "G"), FROM_0_BELOW_1] = 0.0
     split: Literal["auto", "never"] = "auto"
     seed: Seed = 0
-    simulate: Number = 10_000
+    simulate: NumberFrom0 = 10_000
     jobs: Jobs = _CORES
 
 
@@ -797,13 +798,13 @@ class ArmErrors:
     sigma_part
         standard deviations of the part's registration about its origin, per axis (default: none)
     simulate
-        check P with this many displaced poses per setting
+        unless it is 0, check P with this many displaced poses per setting
     """
 
     sigma_joints: Annotated[float | None, value(sigma_angle, "RAD"), NOT_NEGATIVE] = None
     sigma_hand_eye: SigmaPair = None
     sigma_part: SigmaPair = None
-    simulate: Number = 10_000
+    simulate: NumberFrom0 = 10_000
 
 
 @dataclass(kw_only=True)
@@ -1003,7 +1004,7 @@ class BatchOutput:
 
     out: Folder
     force: bool = False
-    graph_limit: Annotated[int, value(whole, "N"), Count(0)] = 0
+    graph_limit: NumberFrom0 = 0
 
 
 @dataclass(kw_only=True)
@@ -1031,7 +1032,7 @@ class Batch(
     all
         all sharp straight edges, the default
     dimensions
-        all: the dimensions that each part (AP242) states
+        all: the dimensions that each part (AP242) states; FOLDER: those of NAME.toml in it for each part NAME
     localisation
         error of points in the image: rounding, gaussian[:SIGMA[:FLOOR]] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px;
         FLOOR does not average out (default: rounding, with --dimensions gaussian:0.1:0.05)
@@ -1047,7 +1048,7 @@ class Batch(
     folder: str = field(kw_only=False)
     select: Annotated[str | None, _named("RULE")] = None
     all: bool = False
-    dimensions: Annotated[str | None, _named("all")] = None
+    dimensions: Annotated[str | None, _named("all|FOLDER")] = None
     scheduler: Annotated[str | None, _named("ADDRESS")] = None
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import time
@@ -61,6 +62,7 @@ from planner.app.job import (
     wanted_light,
     workspace_of,
 )
+from planner.app.model_dimensions import DimensionFolder, ModelDimensions
 from planner.app.options import Batch, Dimensions, Graph, Optics, Plan, Predict, Simulate
 from planner.app.part import (
     check_nothing_read,
@@ -547,7 +549,10 @@ def plan(options: Plan) -> int:
         _print_planned(options, result, job, written, leftovers)
         if interrupted:
             raise KeyboardInterrupt
-    confirmed = result.simulation is not None and result.simulation.confirmed
+    if result.simulation is None:
+        confirmed = options.simulate == 0
+    else:
+        confirmed = result.simulation.confirmed
     return DONE if result.complete and confirmed else INCOMPLETE
 
 
@@ -616,12 +621,14 @@ def _earlier_plan(folder: Path) -> InspectionPlan | None:
 def _planned(options: Plan, job: Job, leftovers: Leftovers) -> tuple[InspectionPlan, Written, bool]:
     """Plan and write; return plan, files, and whether it was interrupted."""
     limited = options.time_limit is not None
+    until = math.inf if options.time_limit is None else options.begun + options.time_limit
     with (
         terminal_progress(
             quiet=options.quiet,
             lines=options.verbose,
             waiting=limited,
             most_silent_s=WATCHED_S if limited else None,
+            until=until,
         ) as progress,
         _executor(options.jobs) as executor,
     ):
@@ -654,15 +661,13 @@ def _request_of_parts(options: Batch) -> PartRequest:
         translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
     )
     check_of_model(options)
-    choice = None
+    choice: ModelDimensions | DimensionFolder | None = None
     effort = Effort.named(options.effort or "standard")
     localisation = None
     if options.localisation is not None:
         localisation = read_localisation(options.localisation)
     if options.dimensions is not None:
-        if not all_of_model(options):
-            raise RequestError.of_rule("dimensions", "must be all", repr(options.dimensions))
-        choice = choice_of(options)
+        choice = _choice_of_parts(options, options.dimensions)
         localisation = localisation or read_localisation("gaussian")
         if options.effort is None:
             effort = Effort.for_dimensions()
@@ -688,6 +693,16 @@ def _request_of_parts(options: Batch) -> PartRequest:
         limits=limits_of(limits),
         dimensions=choice,
     )
+
+
+def _choice_of_parts(options: Batch, dimensions: str) -> ModelDimensions | DimensionFolder:
+    """Return the dimensions of all parts: those of the models, or of a folder of files."""
+    if all_of_model(options):
+        return choice_of(options)
+    if not Path(dimensions).is_dir():
+        rule = "must be all or a folder with a file of dimensions for each part"
+        raise RequestError.of_rule("dimensions", rule, repr(dimensions))
+    return DimensionFolder(str(absolute(dimensions)), options.share)
 
 
 def batch(options: Batch) -> int:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.convert import Meta, Shape, to_plain
-from planner.argument_kinds import NOT_NEGATIVE, shown
+from planner.argument_kinds import NOT_NEGATIVE, shown, takes_names
 from planner.exceptions import RequestError, UncertaintyError
 from planner.plan_file import Pose
 
@@ -324,6 +324,10 @@ class PoseUncertainty:
         object.__setattr__(self, "covariance", _check_covariance(self.covariance))
 
     @classmethod
+    @takes_names(
+        "translation_mm in mm and rotation_rad in rad",
+        "PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)",
+    )
     def isotropic(cls, *, translation_mm: float, rotation_rad: float) -> PoseUncertainty:
         """Make an uncertainty with independent errors, equal along and about the three axes.
 
@@ -344,6 +348,8 @@ class PoseUncertainty:
         UncertaintyError
             If a value is negative, not finite or so large that its unit must be wrong: above 100 mm or
             0.1 rad (5.7°). A larger rotation is stated by its covariance.
+        TypeError
+            If a value is not named, missing or not known.
         """
         for name, value in (("translation_mm", translation_mm), ("rotation_rad", rotation_rad)):
             if not NOT_NEGATIVE.accepts(value):

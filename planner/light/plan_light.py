@@ -208,9 +208,12 @@ def plan_light(
         The plan.
     solid : Solid
         Its part.
-    lamps : array_like, shape (n, 3), or LampBox, LampDome, Backlight, "ring", "backlight" or Lighting
-        Positions of the lamps of a cell, mm, or the region where lamps may be, or a ring light on
-        the camera, or a backlight. A `Lighting` also holds the other options; then omit them here.
+    lamps : array_like, shape (n, 3), LampBox, LampDome, light with an area, str or Lighting
+        Positions of the lamps of a cell, mm, or the region where lamps may be, or a `Backlight`,
+        `DiffuseDome`, `CoaxialLight` or `RingLight`. "ring" is a lamp on the camera. "backlight",
+        "diffuse-dome", "coaxial" and "ring-light" are as large as the request needs them.
+        "coaxial:NAME" and so on are lights of the catalogue, see `light_names`. A `Lighting` also
+        holds the other options; then omit them here.
     contrast : float
         Least contrast, strictly between 0 and 1; see `aspectgraph.contrast`.
     step : float

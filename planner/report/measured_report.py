@@ -574,7 +574,7 @@ def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
         if result.reason:
             first = _first_alike(result, results)
             reason = _short_reason(result, results) if first is result else f"as {first.name}"
-            lines.append(CellLine(reason, "note"))
+            lines.append(CellLine(reason, "note", "Reason"))
         decision = CellLine(result.decision.value, _CLASSES[result.decision])
         link = (_anchor(result, results), result.name)
         value, uncertainty = value_texts(result)

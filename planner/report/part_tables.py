@@ -22,6 +22,7 @@ def part_record(
         "part": solid.name,
         "bounds": np.asarray(solid.bounds, dtype=float).tolist(),
         "faces": len(solid.faces),
+        "cad_faces": _n_cad_faces(solid) or None,
         "notes": [*solid.notes, *notes],
         "solids": solid_records(file_entries(solid)),
         "edges": [
@@ -47,6 +48,11 @@ def part_record(
             for curve in curves
         ],
     }
+
+
+def _n_cad_faces(solid: Solid) -> int:
+    """Return the number of faces of the CAD model; 0 where there is no such model."""
+    return 0 if solid.file_solids is None else solid.file_solids.n_faces
 
 
 def file_entries(solid: Solid) -> tuple[SolidEntry, ...]:
@@ -91,6 +97,9 @@ def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> No
     # curved faces of a CAD model are many facets here; without them, every edge is sharp and straight
     is_curved = solid.circular_edges is not None and len(solid.edges) > n
     faces = count(len(solid.faces), "facet" if is_curved else "face")
+    n_cad = _n_cad_faces(solid)
+    if n_cad and (is_curved or n_cad != len(solid.faces)):
+        faces = f"{count(n_cad, 'CAD face')}, {faces}"
     between = " between facets" if is_curved else ""
     text = (
         f"{solid.name}: {count(solid.n_shells, 'shell')}, {faces}, "

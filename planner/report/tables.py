@@ -61,10 +61,11 @@ COLOURS = {
 
 
 class CellLine(NamedTuple):
-    """A line of a cell, and its class in the page."""
+    """A line of a cell, its class in the page, and the label of a cell that it begins where rows are stacked."""
 
     text: str
     style: str = ""
+    label: str = ""
 
 
 class Share(NamedTuple):

@@ -421,7 +421,7 @@ def simulate_in_time(
     plan : InspectionPlan
         The plan to check.
     n : int
-        Displaced poses per setting, if there is time for all.
+        Displaced poses per setting, if there is time for all. 0: no simulation.
     seed : int
         As `simulate_plan` takes it.
     progress : callable or None
@@ -434,10 +434,12 @@ def simulate_in_time(
     Returns
     -------
     SimulationResult or None
-        None if there was no time for it.
+        None if there was no time for it, or none is wanted.
     list of str
         Sentences on what was left out.
     """
+    if n == 0:
+        return None, []
     if time_left.seconds == float("inf"):
         return simulate_plan(plan, n, rng=seed, progress=progress, solid=solid), []
     fitting = _fitting(plan, n, seed, time_left.seconds)

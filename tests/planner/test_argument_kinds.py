@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from aspectgraph import Solid, read_solid, richest_domains
+from aspectgraph import ModelDimension, ModelRequirements, Solid, read_solid, richest_domains
 from aspectgraph.exceptions import AspectGraphError
 from planner import (
     Camera,
@@ -20,6 +20,7 @@ from planner import (
     Registration,
     RequestError,
     SphereRegion,
+    dimensions_to_plan,
     measure,
     plan_figure,
     plan_inspection,
@@ -218,6 +219,64 @@ def test_hints_fit_the_call():
     # where no image is there, none can be measured
     with pytest.raises(RequestError, match=r"Got no setting_01\.$"):
         measure(example(), block(), {})
+
+
+OF_MODEL = "write wanted, left_out = dimensions_to_plan(stated) and pass wanted."
+RECORD = ModelDimension("bore", "diameter", 8.0, (-0.1, 0.1), ("r0",), None, features=((("r0",),),))
+
+
+@pytest.mark.parametrize(
+    ("entities", "text"),
+    [
+        (dimensions_to_plan([RECORD]), f"Got a tuple with a dict; {OF_MODEL}"),
+        (list(dimensions_to_plan([RECORD])), f"Got a list with a dict; {OF_MODEL}"),
+        ([RECORD], f"Got a list with a ModelDimension; {OF_MODEL}"),
+        (ModelRequirements((RECORD,)), f"Got a ModelRequirements; {OF_MODEL}"),
+    ],
+)
+def test_dimensions_of_a_model_are_refused_with_how_they_become_a_request(entities, text):
+    with pytest.raises(RequestError) as info:
+        plan_inspection(block(), entities, CAMERA, UNCERTAINTY)
+    assert info.value.parameter == "entities"
+    assert str(info.value).startswith("entities must be ")
+    assert str(info.value).endswith(text)
+    for call in (
+        lambda: predict(block(), entities, np.eye(4), CAMERA, UNCERTAINTY),
+        lambda: propose_optics(block(), entities, UNCERTAINTY),
+    ):
+        with pytest.raises(RequestError) as info:
+            call()
+        assert str(info.value).startswith("wanted must be a mapping. Got a ")
+        assert str(info.value).endswith(OF_MODEL)
+
+
+@pytest.mark.parametrize(
+    ("call", "got"),
+    [
+        (lambda: PoseUncertainty.isotropic(0.001, 50), "0.001 and 50 without a name"),
+        (lambda: PoseUncertainty.isotropic(0.05, rotation_rad=0.001), "0.05 without a name"),
+        (lambda: PoseUncertainty.isotropic(translation_mm=0.05), "translation_mm"),
+        (lambda: PoseUncertainty.isotropic(mm=0.05, rotation_rad=0.001), "mm, rotation_rad"),
+        (lambda: PoseUncertainty.isotropic(), "no argument"),
+    ],
+)
+def test_an_uncertainty_without_its_names_is_refused_with_names_and_units(call, got):
+    with pytest.raises(TypeError) as info:
+        call()
+    assert str(info.value) == (
+        "PoseUncertainty.isotropic() takes translation_mm in mm and rotation_rad in rad, each by "
+        f"its name. Got {got}; write PoseUncertainty.isotropic(translation_mm=0.05, "
+        "rotation_rad=0.001)."
+    )
+
+
+def test_pairs_of_a_name_and_a_dimension_are_refused_with_how_to_name_them():
+    pairs = list(dimensions_to_plan([RECORD])[0].items())
+    with pytest.raises(
+        RequestError, match=r"name each dimension\. Got a list with .*Dimension"
+    ) as info:
+        plan_inspection(block(), pairs, CAMERA, UNCERTAINTY)
+    assert str(info.value).endswith('; write {"name": Dimension(...)}.')
 
 
 def test_a_shortened_text_keeps_its_closing_quote():

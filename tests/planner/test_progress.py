@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import sys
 import time
 from pathlib import Path
@@ -44,6 +45,36 @@ def test_the_rest_is_told_from_the_first_pieces_but_one(clock):
     # the first one compiles for a minute; then 2 s each: 112 are left after 4, 224 s
     lines = told(clock, [60.0, 2.0, 2.0, 2.0, *[2.0] * 112], 116)
     assert lines == {4: "visible regions: about 4 min more, at the pace of the first 4 of 116"}
+
+
+@pytest.mark.parametrize(
+    ("limit_s", "line"),
+    [
+        # after 4 pieces 66 s are over, and 224 s remain
+        (1000.0, "visible regions: about 3 min more, at the pace of the first 4 of 116"),
+        (291.0, "visible regions: about 3 min more, at the pace of the first 4 of 116"),
+        (265.0, "visible regions: at most 3 min more, then the time limit ends it"),
+        (93.0, "visible regions: at most 20 s more, then the time limit ends it"),
+        (68.0, None),
+        (10.0, None),
+    ],
+)
+def test_no_estimate_exceeds_what_a_time_limit_leaves(clock, limit_s, line):
+    pace = Pace(clock, until=clock.now + limit_s)
+    lines = []
+    for done, seconds in enumerate([60.0, 2.0, 2.0, 2.0], 1):
+        clock.now += seconds
+        lines.append(pace(done, 116, "visible regions"))
+    assert lines == [None, None, None, line]
+
+
+def test_a_bar_leaves_no_more_time_than_a_limit(monkeypatch):
+    stream = Terminal()
+    with progress.terminal_progress(stream, until=time.monotonic() + 40.5) as show:
+        for done in range(1, 4):
+            time.sleep(0.05)
+            show(done, 10**6, "candidate poses")
+    assert "left: 0:00:40" in re.sub(r"\x1b\[[\d;?]*[A-Za-z]", "", stream.getvalue())
 
 
 def test_what_is_soon_done_is_not_told(clock):

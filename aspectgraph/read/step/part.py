@@ -92,7 +92,9 @@ class StepPart:
         self.report(len(chosen), len(chosen), "measure gaps")
         arrays = {f"{i}_vertices": part.vertices for i, part in facets.items()}
         arrays |= {f"{i}_triangles": part.triangles for i, part in facets.items()}
-        return {"diagonal_mm": diagonal, "fits": rows, "faceted": list(facets)}, arrays
+        n_faces = sum(self.slots[i].n_faces() for i in self.solids)
+        answer = {"diagonal_mm": diagonal, "fits": rows, "faceted": list(facets)}
+        return {**answer, "n_faces": n_faces}, arrays
 
     def merge(
         self, solids: list[int], measured: list[int], name: str

@@ -286,8 +286,7 @@ def read_step(
                 )
                 n_before = n_facets
                 if solid is not None:
-                    occluders = tuple(i for i in chosen if i not in measured)
-                    solid.file_solids = FileSolids(tuple(measured), occluders, entries)
+                    solid.file_solids = _file_solids(chosen, measured, entries, size["n_faces"])
                     return solid
         except SolidError as error:
             if len(chosen) == 1:
@@ -297,6 +296,13 @@ def read_step(
             vars(error).update(_choosing(holds, chosen[:1]))
             raise
     raise AssertionError("the last attempt returns or raises")
+
+
+def _file_solids(
+    chosen: Sequence[int], measured: Sequence[int], entries: tuple[SolidEntry, ...], n_faces: int
+) -> FileSolids:
+    occluders = tuple(i for i in chosen if i not in measured)
+    return FileSolids(tuple(measured), occluders, entries, n_faces)
 
 
 def list_step(path: Path, *, limits: ReadLimits | None = None) -> tuple[SolidEntry, ...]:

@@ -180,6 +180,12 @@ def test_refusals(mapping, rule):
         resolve_entities(cube(), mapping)
 
 
+def test_what_is_no_id_is_shown_in_short():
+    with pytest.raises(EntityError, match=r"^edge ids must be integers\. Got ") as info:
+        resolve_entities(cube(), [{"a": list(range(1000))}])
+    assert len(str(info.value)) < 120
+
+
 def test_ids_of_arrays_and_sets():
     assert list(resolve_entities(cube(), np.array([7, 3]))) == ["e7", "e3"]
     for ids in ({11, 2, 7}, frozenset([7, 11, 2]), {7, "2[0:1/2]", 11}):

@@ -20,6 +20,7 @@ from errors.measurands import Localisation
 from planner import (
     Camera,
     Detectability,
+    DimensionFolder,
     Effort,
     ModelDimensions,
     OutputError,
@@ -114,6 +115,13 @@ def request_():
         simulate=100,
         effort=Effort(viewpoints=5, pricing_rounds=1, refutations=0, bound_nodes=10),
     )
+
+
+def test_parts_without_displaced_poses_are_planned_and_not_simulated(parts, request_, tmp_path):
+    out = tmp_path / "out"
+    results = plan_folder(parts, out, replace(request_, simulate=0))
+    assert [one.status for one in results] == ["planned", "planned", "refused"]
+    assert read_plan(out / "a.off" / "plan.json").simulation is None
 
 
 def test_every_part_has_a_result_and_is_found_again(parts, request_, tmp_path, monkeypatch):
@@ -284,7 +292,7 @@ def test_bad_input(parts, request_, tmp_path):
         ({"probability": True}, r"probability must be in \(0, 1\)\. Got True\."),
         ({"seed": -1}, "seed must be an integer of at least 0"),
         ({"seed": 10**400}, r"seed must be at most 1e\+300\. Got an integer of 1329 bits\."),
-        ({"simulate": 0}, "simulate must be an integer of at least 1"),
+        ({"simulate": -1}, "simulate must be an integer of at least 0"),
         ({"simulate": 10**12}, r"simulate must be at most 1e\+09"),
         ({"graph_limit": 1.5}, "graph_limit must be an integer of at least 0"),
         ({"select": 5}, r"select must be a str\. Got 5\."),
@@ -603,12 +611,75 @@ def test_stated_dimensions_are_planned_as_those_of_one_part(tmp_path, monkeypatc
     assert works[0].resolved.request.localisation == Localisation.gaussian(0.1)
 
 
+@pytest.fixture
+def files(parts, tmp_path):
+    """A file of dimensions for each part that can be read, in the same subfolders."""
+    (parts / "torn.stl").unlink()
+    folder = tmp_path / "wanted"
+    (folder / "more").mkdir(parents=True)
+    solid = read_solid(parts / "a.off")
+    pair = opposite_edges(solid)
+    stated = f"width = {{ distance = {pair}, tolerance = [-0.5, 0.5] }}"
+    (folder / "a.toml").write_text(stated)
+    (folder / "more" / "a.json").write_text(
+        json.dumps({"side": {"edge": pair[0], "accuracy": 0.9}})
+    )
+    return folder
+
+
+def opposite_edges(solid):
+    """Two parallel edges of the face on top."""
+    top = [
+        edge.id
+        for edge in solid.edges
+        if (solid.edge_points(edge.id)[:, 2] == solid.bounds[1][2]).all()
+    ]
+    along = [i for i in top if np.ptp(solid.edge_points(i)[:, 0]) > 0]
+    return along[:2]
+
+
+def test_each_part_has_the_dimensions_of_its_file(parts, files, request_, tmp_path):
+    request = replace(request_, select=None, dimensions=DimensionFolder(str(files), 0.5))
+    out = tmp_path / "out"
+    results = plan_folder(parts, out, request)
+    assert [(one.part, one.entities) for one in results] == [("a.off", 1), ("more/a.off", 1)]
+    assert set(read_plan(out / "a.off" / "plan.json").dimensions) == {"width"}
+    assert set(read_plan(out / "more" / "a.off" / "plan.json").dimensions) == {"side"}
+    # what has not changed is found again, wherever the files are
+    moved = files.rename(tmp_path / "moved")
+    request = replace(request, dimensions=DimensionFolder(str(moved), 0.5))
+    assert plan_folder(parts, out, request) == results
+    (moved / "a.toml").write_text((moved / "a.toml").read_text().replace("width", "depth"))
+    first, second = plan_folder(parts, out, request)
+    assert set(read_plan(out / "a.off" / "plan.json").dimensions) == {"depth"}
+    assert first.request != results[0].request
+    assert second == results[1]
+
+
+def test_a_part_without_a_file_of_dimensions_is_refused_before_all_work(
+    parts, files, request_, tmp_path, capsys
+):
+    (files / "more" / "a.json").unlink()
+    text = "dimensions must hold NAME.toml or NAME.json for every part. Got none for more/a.off."
+    request = replace(request_, select=None, dimensions=DimensionFolder(str(files)))
+    with pytest.raises(RequestError) as info:
+        plan_folder(parts, tmp_path / "out", request)
+    assert str(info.value) == text
+    words = ["batch", str(parts), "--camera", "basler-acA2440-20gm-8mm", "--sigma-mm", "0.05"]
+    words += ["--sigma-rad", "0.001", "--out", str(tmp_path / "plans"), "--dimensions", str(files)]
+    assert main(words) == BAD_INPUT
+    assert f"--{text}" in capsys.readouterr().err
+    assert not list((tmp_path / "plans").rglob("plan.json"))
+
+
 def test_a_choice_of_dimensions_is_part_of_the_fingerprint():
     requests = [
         dimension_request(),
         dimension_request(dimensions=None),
         dimension_request(dimensions=ModelDimensions(share=0.5)),
         dimension_request(dimensions=ModelDimensions(share=1.0, one_per_pattern=True)),
+        dimension_request(dimensions=DimensionFolder("wanted")),
+        dimension_request(dimensions=DimensionFolder("wanted", 0.5)),
         dimension_request(limits={"surfaces_mm": 0.1}),
         dimension_request(limits={"localisation": Localisation.gaussian(0.3)}),
     ]
@@ -623,7 +694,10 @@ def test_a_choice_of_dimensions_is_part_of_the_fingerprint():
     ("words", "message"),
     [
         (["--dimensions", "none.toml"], "--dimensions must be 'all' or name an existing file"),
-        (["--dimensions", __file__], "--dimensions must be all. Got"),
+        (
+            ["--dimensions", __file__],
+            "--dimensions must be all or a folder with a file of dimensions for each part. Got",
+        ),
         (["--share", "0.5"], "--share must be given with --dimensions"),
         (["--one-per-pattern"], "--one-per-pattern must be given with --dimensions all"),
         (["--surfaces-mm", "0.1"], "--surfaces-mm must be given with --dimensions"),

@@ -104,6 +104,22 @@ def test_info_lists_the_edges(folder, capsys):
     assert "80.000" in out
 
 
+def test_info_counts_the_faces_of_a_cad_model(capsys):
+    """Counted in the file: 117 faces, of which curved ones become facets; a mesh has no such model."""
+    part = "examples/nist_ctc_01_ap242.stp"
+    assert main(["info", part]) == DONE
+    assert ": 1 shell, 117 CAD faces, 462 facets, 1110 edges " in capsys.readouterr().out
+    assert main(["info", part, "--json"]) == DONE
+    assert json.loads(capsys.readouterr().out)["cad_faces"] == 117
+    assert main(["info", "examples/two_pocket_block.off", "--json"]) == DONE
+    assert json.loads(capsys.readouterr().out)["cad_faces"] is None
+
+
+def test_info_of_a_planar_model_counts_its_faces_once(capsys):
+    assert main(["info", "examples/mfcad_6-11-11-19.step"]) == DONE
+    assert " CAD face" not in capsys.readouterr().out.splitlines()[0]
+
+
 def test_info_draws(folder, capsys):
     assert main(["info", "block.off", "--picture", "edges.html"]) == DONE
     assert capsys.readouterr().out.splitlines()[-1] == "edges.html"
@@ -191,6 +207,14 @@ def test_simulating_with_the_part_counts_the_images_that_show_the_edges(folder, 
     assert shown["n"] == 100
     assert main(["simulate", "out/plan.json", "--poses", "100", "--json"]) == DONE
     assert json.loads(capsys.readouterr().out)["shown"] is None
+
+
+def test_no_displaced_pose_means_no_simulation(folder, quick, capsys):
+    """A complete plan is then done, though no simulation confirms it."""
+    assert main([*PLAN, "--simulate", "0"]) == DONE
+    assert "Not simulated." in capsys.readouterr().out
+    assert read_plan(folder / "out" / "plan.json").simulation is None
+    assert main([*PLAN[:-1], "far", "--simulate", "0", "--stand-off", "450"]) == INCOMPLETE
 
 
 def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):

@@ -312,7 +312,7 @@ PLAN_CHECKS = [
             [*PLAN_CHECKS, "--stand-off", "-1"],
             "--stand-off must be finite and not negative. Got -1.",
         ),
-        ([*PLAN_CHECKS, "--simulate", "0"], "--simulate must be at least 1. Got 0."),
+        ([*PLAN_CHECKS, "--simulate", "-1"], "--simulate must be at least 0. Got -1."),
         (
             ["info", BLOCK, "--min-length", "-3"],
             "--min-length must be finite and not negative. Got -3.",
@@ -676,7 +676,7 @@ BAD = {
     "--sigma-rad": ["inf"],
     "--sigma-part": ["-1mm,1mrad"],
     "--repeatability": ["-1mm,1mrad"],
-    "--simulate": ["0"],
+    "--simulate": NEGATIVE,
     "--solids": NO_NUMBER,
     "--speed": ["0"],
     "--stand-off": NEGATIVE,

@@ -1,6 +1,7 @@
 """Lamps for plans: known answers on a block and a step, bad input, and a check by rays."""
 
 import pickle
+import re
 import time
 from itertools import combinations
 from types import SimpleNamespace
@@ -16,8 +17,9 @@ from aspectgraph.cells.arrays import Cell
 from aspectgraph.light import silhouettes_from
 from aspectgraph.solid.solid import RayScene
 from errors.measurands import Circle, Line
-from planner import RequestError, RingSpace, SphereRegion, plan_light
+from planner import InspectionOptions, RequestError, RingSpace, SphereRegion, plan_light
 from planner.light import plan_light as fewest
+from planner.light.area_lights import AREA_LIGHTS
 from planner.light.corner_light import LampSets, demands_of, parts_of, seen_as, sites_of
 from planner.light.light_plan import LightPlan
 from planner.light.lighting import LampBox, LampDome, Lighting, Served
@@ -679,3 +681,12 @@ def test_a_stretch_and_a_run_are_lit_as_the_whole_edge_and_rim():
     assert rim.kind == "rim"
     assert rim.circle.centre == pytest.approx([*centre, HEIGHT])
     assert sorted(map(tuple, edge.endpoints.tolist())) == sorted(map(tuple, FRONT))
+
+
+@pytest.mark.parametrize("described", [InspectionOptions, Lighting, plan_light])
+def test_docstrings_name_every_kind_of_lamp(described):
+    text = described.__doc__.partition("    lamps : ")[2]
+    text = re.split(r"\n    \w+(?:, \w+)* : ", text)[0]
+    words = [f'"{word}"' for word in ("ring", *AREA_LIGHTS)]
+    classes = ["LampBox", "LampDome", *(light.__name__ for light in AREA_LIGHTS.values())]
+    assert [name for name in words + classes if name not in text] == []

@@ -196,6 +196,30 @@ def test_ten_targets_fit_on_six_pages(results, tmp_path):
     assert 2 <= n_pages <= 6
 
 
+@needs_browser
+def test_where_rows_are_stacked_a_reason_is_labelled_as_one(results, tmp_path):
+    """A value keeps the label of its picture; a value without one has its reason there."""
+    lost = replace(results["left"], value=np.nan, reason="no image shows it")
+    path = tmp_path / "report.html"
+    mixed = {"left": lost, "right": results["right"]}
+    path.write_text(measured_html(replace(results, results=mixed)), "utf-8")
+    rows = "[...document.querySelector('table.stack').tBodies[0].rows]"
+    cell = f"{rows}.map((row) => row.cells[row.cells.length - 2])"
+    label = "getComputedStyle(cell, '::before').content"
+    folder = tmp_path / "profile"
+    browser = Browser(folder)
+    try:
+        phone = browser.page(path, 400, 900)
+        labels = phone.run(f"{cell}.map((cell) => [cell.textContent.trim(), {label}])")
+        wide = browser.page(path, 1200, 900)
+        assert wide.run(f"{cell}.map((cell) => {label})") == ["none", "none"]
+    finally:
+        browser.close()
+        shutil.rmtree(folder, ignore_errors=True)
+    assert labels[0] == ["no image shows it", '"Reason "']
+    assert labels[1][1] == '"Tolerance, guard bands, value ± U "'
+
+
 def test_images_with_one_fault_are_told_of_once(results, capsys):
     why = "none of the edges were found; expose for 40 times as long: the image is dark"
     names = [f"setting_0{k}" for k in (1, 2)]

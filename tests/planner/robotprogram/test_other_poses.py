@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from robot_cells import TABLE, made_cell, pose
-from robot_programs import HOME, plan_of, reached_poses
+from robot_programs import HOME, cell, plan_of, reached_poses
 from robot_programs import block as plain_block
 from scipy.spatial.transform import Rotation
 
@@ -33,7 +33,7 @@ from planner import (
 from planner.app.main import main
 from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
 from planner.request.reach import StatedRegion
-from planner.robotprogram.other_poses import EquivalentPoses, why_no_other_poses
+from planner.robotprogram.other_poses import EquivalentPoses, as_driven, why_no_other_poses
 from planner.search.plan_setting import setting_at
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
@@ -153,6 +153,30 @@ def test_a_program_drives_the_plan_that_it_holds(plan, block, reached, tmp_path)
     assert set(record["replaced"]) == {str(k + 1) for k in made.replaced}
     made.plan.write(tmp_path / "driven.json")
     assert read_plan(tmp_path / "driven.json").cell == cell.to_dict()
+
+
+def test_a_setting_that_is_left_out_states_no_way_to_it(tmp_path):
+    """What an earlier program stated is cleared, and the digest is that of the plan so changed."""
+    poses = reached_poses()[:2].copy()
+    poses[1, :3, 3] += [5000.0, 0.0, 0.0]
+    plan = plan_of(poses)
+    before = {"fixturing": "before", "joints": (0.1,) * 6, "arm": {"singular_value": 0.3}}
+    stated = tuple(replace(setting, **before) for setting in plan.settings)
+    plan = replace(plan, settings=stated)
+    made = robot_program(plan, plain_block(), cell())
+    assert list(made.unreached) == [1]
+    driven = as_driven(plan, made, cell())
+    first, second = driven.settings
+    (stop,) = (stop for tour in made.tours for stop in tour.stops)
+    assert first.joints == tuple(stop.joints)
+    assert first.fixturing != "before"
+    assert (second.fixturing, second.joints, second.angle_deg, second.arm) == ("", (), None, {})
+    driven.write(tmp_path / "driven.json")
+    written = hashlib.sha256((tmp_path / "driven.json").read_bytes()).hexdigest()
+    assert written == driven.digest != plan.digest
+    record = json.loads((tmp_path / "driven.json").read_text("utf-8"))["settings"]
+    assert "before" not in json.dumps(record)
+    assert not record[1].get("joints")
 
 
 def test_where_all_is_reached_nothing_is_replaced(plan, block, reached):

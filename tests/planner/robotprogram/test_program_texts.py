@@ -1,6 +1,7 @@
 """Every format is read back by its own rules: its joints lead the camera to the planned poses, in the right order."""
 
 import csv
+import hashlib
 import io
 import json
 import re
@@ -22,10 +23,18 @@ from controllers import (
     run_urscript,
 )
 from robot_cells import CAM2FLANGE
-from robot_programs import FIXTURINGS, HOME, cell, plan_of, program, reached_poses
+from robot_programs import FIXTURINGS, HOME, block, cell, plan_of, program, reached_poses
 from scipy.spatial.transform import Rotation
 
-from planner import CameraSignals, OutputError, RequestError, program_text, write_program
+from planner import (
+    CameraSignals,
+    OutputError,
+    RequestError,
+    program_text,
+    read_program,
+    robot_program,
+    write_program,
+)
 from planner.robotprogram.program import JointRates, move_times
 from planner.robotprogram.program_texts import FORMATS, plain
 
@@ -208,6 +217,45 @@ def test_the_head(language):
         assert value in written
     for name in ("shoulder_pan", "wrist_3"):
         assert name in written
+
+
+def with_a_left_out_setting():
+    """A program of a plan whose last setting is out of reach, and the plan."""
+    poses = reached_poses()[:2]
+    far = poses[:1].copy()
+    far[:, :3, 3] += [5000.0, 0.0, 0.0]
+    plan = plan_of(np.concatenate([poses, far]))
+    return robot_program(plan, block(), cell()), plan
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_head_names_a_setting_that_is_left_out_and_the_digest_of_the_whole_plan(language):
+    made, plan = with_a_left_out_setting()
+    written = unbroken(language, made)
+    assert re.search(r"Not reached: setting 3: beyond the arm.?s reach", written)
+    if language == "fanuc":
+        written = re.sub(r"(?<=: [0-9a-f]{11}) (?=[0-9a-f]{31})", "", written)
+    assert made.digests["plan"] == plan.digest
+    assert plan.digest in written
+    # no image of it is taken
+    assert "setting_02" in written
+    assert "setting_03" not in written
+
+
+def test_the_record_names_a_setting_that_is_left_out(tmp_path):
+    made, plan = with_a_left_out_setting()
+    path = write_program(made, tmp_path / "program.json")
+    record = json.loads(path.read_text("utf-8"))
+    assert record["unreached"] == {"3": "beyond the arm's reach"}
+    assert record["digests"]["plan"] == plan.digest
+    plan.write(tmp_path / "plan.json")
+    assert hashlib.sha256((tmp_path / "plan.json").read_bytes()).hexdigest() == plan.digest
+    again = read_program(path)
+    assert again.unreached == made.unreached
+    assert again.digests == made.digests
+    assert not again.complete
+    whole = robot_program(plan_of(reached_poses()[:2]), block(), cell())
+    assert whole.digests["plan"] != made.digests["plan"]
 
 
 def test_urscript_asks_unless_the_robot_stands_at_home_and_drives_there_first():
