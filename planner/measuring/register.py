@@ -313,6 +313,9 @@ def register(
         # where little is found, half of an edge may be what is left
         other = _best(task, pictures, start._replace(late=0))
         outcome = other if other[0].accepted else outcome
+    if not outcome[0].convincing and outcome[0].share >= LEAST_HOPEFUL:
+        other = _by_lit_edges(outcome[0], start)
+        outcome = (other, other.lamps) if other.accepted else outcome
     if outcome[0].convincing and not outcome[0].accepted:
         # a shadow next to an edge can turn the pose as far as it is found in the edge's place
         out = outcome[0].disagreeing
@@ -477,6 +480,23 @@ def _best(
         other = _attempted(task, pictures, start, alike)
         attempt = other if other.convincing else attempt
     return attempt, first.lamps if attempt.convincing else {}
+
+
+def _by_lit_edges(attempt: Attempt, start: SearchStart) -> Attempt:
+    """Return what is found if edges that the light does not show are left out at first.
+
+    Of two lines a few pixels apart, the dark one takes the step of the other for its own. Both then hold back the
+    surface that they share, which may have moved by as much.
+    """
+    dark = [
+        np.zeros(len(out), dtype=np.bool_) if light is None else ~light.lit
+        for light, out in zip(attempt.light, attempt.left_out, strict=True)
+    ]
+    alike = attempt.task.samples.edge
+    lit = _attempted(attempt.task, attempt.pictures, start, alike, dark)
+    near = SearchStart(lit.scan.x, start.lead, start.late, NARROW_PX)
+    # all count again, so what is asked of it stays the same
+    return _attempted(attempt.task, attempt.pictures, near, alike)
 
 
 def _without_pull(attempt: Attempt, shadows: list[NDArray[np.bool_]]) -> Array:

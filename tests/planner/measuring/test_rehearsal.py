@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,10 +11,19 @@ from measured_plate import TOP, measured_plan, thick_plate
 from PIL import Image
 from plan_examples import changed, planned_dimension
 
-from aspectgraph import Solid
+from aspectgraph import Solid, read_solid
 from errors.measurands import Line
 from ground.convert import from_plain
-from planner import Rehearsal, RequestError, measure
+from planner import (
+    Camera,
+    Dimension,
+    PoseUncertainty,
+    Registration,
+    Rehearsal,
+    RequestError,
+    measure,
+    plan_inspection,
+)
 from planner.exceptions import PlanFileError
 from planner.measuring.measurer import Measurer
 from planner.measuring.rehearsal import DeviatingPart, Truth
@@ -238,3 +248,28 @@ def test_the_same_seed_gives_the_same_files(plate, plan, tmp_path):
 def test_numbers_out_of_their_range_are_refused(plate, plan, wrong, told):
     with pytest.raises(RequestError, match=f"^{told}"):
         Rehearsal(plan, plate, **wrong)
+
+
+def test_a_sheet_that_deviates_by_pixels_is_registered():
+    """Both edges of its thickness are 6 px apart, one is dark, and the sheet is up to 4 px off: each takes the step."""
+    solid = read_solid(Path(__file__).parents[3] / "examples" / "nist_ctc_03_ap242.stp.gz")
+    pose = np.eye(4)
+    pose[:3] = [
+        [0.973943853, -0.195875172, 0.114307869, -172.01],
+        [-0.102479077, -0.829739300, -0.548662676, 557.59],
+        [0.202315127, 0.522652476, -0.828192598, 257.20],
+    ]
+    plan = plan_inspection(
+        solid,
+        {"size": Dimension.diameter("r18", max_error_mm=0.762)},
+        Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 300.0),
+        PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001),
+        poses=[pose],
+        lamps=[(46.9, 448.6, 936.8)],
+    )
+    rehearsal = Rehearsal(plan, solid, seed=1, surfaces_mm=0.22)
+    by_edges = Registration.own_edges(0.22)
+    size = measure(plan, solid, grey_of(rehearsal), registration=by_edges)["size"]
+    assert size.measured, size.reason
+    truth = rehearsal.truth.values["setting_01"]["size"]
+    assert abs(size.value - truth) <= 2 * size.standard_uncertainty
