@@ -456,9 +456,10 @@ class Readers:
         numbers = np.array([pair.setting for pair in pairs], dtype=int)
         return cls(reads, settings, numbers, targets, background, progress)
 
-    def read(self, places: Array, shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return which of the pairs (n, pairs) that lamps at places (n, 3) show will be read."""
+    def read(self, places: Array, shown: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], Array]:
+        """Return which of the pairs (n, pairs) that lamps (n, 3) show will be read, and with which reserve, or -1."""
         is_read = shown.copy()
+        reserve = np.full(shown.shape, -1.0)
         total = len(self.targets) + len(self.settings)
         report(self.progress, 0, total, "light that is read")
         for k, target in enumerate(self.targets):
@@ -470,10 +471,10 @@ class Readers:
             pairs = np.flatnonzero(self.setting == number)
             rows = np.flatnonzero(is_read[:, pairs].any(axis=1))
             whites = self._whites(pairs, places[rows])
-            registered = self.reads.registered(*pose, places[rows], self.background, whites)
-            is_read[np.ix_(rows, pairs)] &= registered
+            more = self.reads.reserve(*pose, places[rows], self.background, whites)
+            reserve[np.ix_(rows, pairs)] = more
             report(self.progress, len(self.targets) + number + 1, total, "light that is read")
-        return is_read
+        return is_read & (reserve >= 0), reserve
 
     def _whites(self, pairs: NDArray[np.int_], places: Array) -> Array:
         """Return what is overexposed (n, p) under lamps (n, 3) in images for each of some pairs; inf of lengths."""
@@ -493,6 +494,8 @@ class Readers:
 @dataclass
 class Served:
     """Places of lamps (n, 3), the contrast and the step (n, pairs) with which they show each pair; 0 where they do not.
+
+    And the ``reserve`` (n, pairs) with which images of them are registered, see `Reads`.
 
     Attributes
     ----------
@@ -529,9 +532,10 @@ class Served:
     places: Array = field(default_factory=lambda: np.empty((0, 3)))
     contrast: Array = field(init=False)
     step: Array = field(init=False)
+    reserve: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        self.contrast = self.step = np.empty((0, len(self.pairs)))
+        self.contrast = self.step = self.reserve = np.empty((0, len(self.pairs)))
 
     @property
     def offsets(self) -> Array:
@@ -552,10 +556,12 @@ class Served:
     def keep(self, places: Array, wanted: NDArray[np.bool_] | None = None) -> None:
         """Add places, wherever they are; ``wanted`` (n, pairs) is what they are to show, all if None."""
         contrast, step = self.shown(places, wanted)
+        reserve = np.ones(contrast.shape)
         if self.readers is not None:
-            is_read = self.readers.read(places, contrast > 0)
+            is_read, reserve = self.readers.read(places, contrast > 0)
             contrast = np.where(is_read, contrast, 0.0)
             step = np.where(is_read, step, 0.0)
+        self.reserve = np.concatenate([self.reserve, reserve])
         self.places = np.concatenate([self.places, places])
         self.contrast = np.concatenate([self.contrast, contrast])
         self.step = np.concatenate([self.step, step])

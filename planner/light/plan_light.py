@@ -48,6 +48,12 @@ Decide = Callable[[Jobs], bool]
 # beyond so many jobs the sets are not listed: the jobs are shared out among ever more lamps instead
 _MOST_LISTED = 14
 _MOST_DECISIONS = 300
+SURE_RESERVE = 0.1
+"""Of lamps that do the same, one is preferred that shows so much more of the part's edges than its images need.
+
+Where surfaces deviate by several pixels, fewer edges are found than of the part as designed. Of eleven sheets that did,
+two were not registered under a lamp that showed 0.02 more.
+"""
 _NODES = 20_000
 
 
@@ -571,8 +577,11 @@ def _covered(served: Served, jobs: Sequence[tuple[int, ...]]) -> tuple[list[int]
     if not jobs:
         return [], [], 0
     columns = _columns(served, jobs)
-    # the step of what a place shows, at worst
-    worst = np.where(served.contrast > 0, served.step, 1.0).min(axis=1)
+    # whether images of what a place shows are surely registered, and then its step, at worst
+    is_shown = served.contrast > 0
+    is_sure = served.reserve >= SURE_RESERVE
+    worst = np.where(is_shown, served.step, 1.0).min(axis=1)
+    worst = ((is_sure | ~is_shown).all(axis=1) + worst) / 2
     order = np.argsort(-worst, kind="stable")
     _, first = np.unique(columns[order], axis=0, return_index=True)
     distinct = np.sort(order[first])
@@ -581,10 +590,11 @@ def _covered(served: Served, jobs: Sequence[tuple[int, ...]]) -> tuple[list[int]
     images: dict[tuple[int, int], list[int]] = {}
     for pairs in jobs:
         values = served.contrast[np.ix_(chosen, list(pairs))].min(axis=1)
+        values += (values > 0) & is_sure[np.ix_(chosen, list(pairs))].all(axis=1)
         setting = served.pairs[pairs[0]].setting
         # a lamp that is on in the setting anyway takes no further image
         on = np.array([(setting, place) in images for place in chosen])
-        best = int(np.argmax(values + 2.0 * (on & (values > 0))))
+        best = int(np.argmax(values + 3.0 * (on & (values > 0))))
         images.setdefault((setting, chosen[best]), []).extend(pairs)
     return (
         chosen,

@@ -363,10 +363,10 @@ class LitEdges:
         contrast, _ = light.contrasts(sight, of_edges, cam2world[None, :3, 3])
         return np.asarray(contrast[0] >= DEFAULT_CONTRAST)
 
-    def registered(
+    def reserve(
         self, cam2world: Array, camera: Camera, lamps: Array, background: float, whites: Array
-    ) -> Bools:
-        """Return whether lamps show enough of the part's edges, so that an image can be registered.
+    ) -> Array:
+        """Return by how much lamps show more of the part's edges than an image needs to be registered.
 
         Parameters
         ----------
@@ -379,18 +379,19 @@ class LitEdges:
 
         Returns
         -------
-        array of bool (n, p)
-            For each of these exposures.
+        array (n, p)
+            A share of the edges, for each of these exposures. It is negative where an image is not registered, and 1
+            where none has to be.
         """
         if not self.registers or not len(lamps):
-            return np.ones(whites.shape, dtype=np.bool_)
+            return np.ones(whites.shape)
         shares = self.shown_share(cam2world, camera, lamps, background, whites)
-        return np.asarray(shares >= LEAST_REGISTERED + RESERVE)
+        return shares - (LEAST_REGISTERED + RESERVE)
 
     def shown_share(
         self, cam2world: Array, camera: Camera, lamps: Array, background: float, whites: Array
     ) -> Array:
-        """Return the share (n, p) of the part's visible edges that lamps (n, 3) show, see `registered`."""
+        """Return the share (n, p) of the part's visible edges that lamps (n, 3) show, see `reserve`."""
         edges = self.model.edges.edges
         shown = self.model.shown(cam2world, camera)
         apart = shown.apart(edges, shown.samples.edge, shown.pixels)

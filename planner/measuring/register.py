@@ -314,8 +314,8 @@ def register(
         other = _best(task, pictures, start._replace(late=0))
         outcome = other if other[0].accepted else outcome
     if not outcome[0].convincing and outcome[0].share >= LEAST_HOPEFUL:
-        other = _by_lit_edges(outcome[0], start)
-        outcome = (other, other.lamps) if other.accepted else outcome
+        again = _by_lit_edges(outcome[0], start)
+        outcome = (again, again.lamps) if again.accepted else outcome
     if outcome[0].convincing and not outcome[0].accepted:
         # a shadow next to an edge can turn the pose as far as it is found in the edge's place
         out = outcome[0].disagreeing

@@ -35,10 +35,13 @@ class Reads(Protocol):
     ) -> TargetReads:
         """Return what will be found of a target from a pose, before a background that is 0 or 1."""
 
-    def registered(
+    def reserve(
         self, cam2world: Array, camera: Camera, lamps: Array, background: float, whites: Array
-    ) -> NDArray[np.bool_]:
-        """Return under which lamps (n, 3), exposed so that irradiances (n, p) are white, an image can be registered."""
+    ) -> Array:
+        """Return how much more of the part's edges lamps (n, 3) show than an image needs to be registered, as a share.
+
+        Images are exposed so that irradiances (n, p) are white. A negative share (n, p) is too little.
+        """
 
     def unread(self, cam2world: Array, camera: Camera, target: Target, area: Any) -> str:
         """Return why too little of a target is found under a light with an area; empty if enough is."""

@@ -320,6 +320,24 @@ def test_opposite_faces_need_two_lamps_together_too():
     }
 
 
+def test_of_lamps_that_do_the_same_one_is_preferred_that_surely_registers():
+    """Two places show both pairs of one setting, the first with the larger step, but with hardly enough edges."""
+    pairs = [SimpleNamespace(setting=0), SimpleNamespace(setting=0)]
+    served = SimpleNamespace(pairs=pairs, contrast=np.full((2, 2), 0.5))
+    served.step = np.array([[0.9, 0.9], [0.3, 0.3]])
+    served.reserve = np.array([[0.02, 0.3], [0.2, 0.3]])
+    jobs = [(0, 1)]
+    assert fewest._covered(served, jobs) == ([1], [(0, 1, [0, 1])], 1)
+    # if neither does or both do, the step decides
+    for reserve in (0.02, 0.2):
+        served.reserve = np.full((2, 2), reserve)
+        assert fewest._covered(served, jobs)[0] == [0]
+    # fewer lamps come first
+    served.contrast = np.array([[0.5, 0.5], [0.5, 0.0]])
+    served.reserve = np.array([[0.02, 0.02], [0.2, -1.0]])
+    assert fewest._covered(served, jobs)[0] == [0]
+
+
 def test_the_mean_contrast_is_never_the_largest():
     """The mediant: of any lamps together, no contrast is larger than the largest of theirs."""
     one = plan(
