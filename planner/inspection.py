@@ -17,6 +17,7 @@ The way
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from concurrent.futures import Executor
@@ -60,7 +61,7 @@ from planner.search.given import plan_of_given
 from planner.search.incumbents import Incumbents, SearchRun, needed
 from planner.search.split_plan import with_split
 from planner.search.stages import run_stages, settle_early
-from planner.sensor_setting import Reason, ReasonKind
+from planner.sensor_setting import Reason, ReasonKind, SensorSetting
 
 if TYPE_CHECKING:
     from aspectgraph import Solid, VisibilityRegions
@@ -389,7 +390,7 @@ def with_light(
 def shown_only(
     plan: InspectionPlan, bound_of: Callable[[Sequence[str]], int] | None = None
 ) -> InspectionPlan:
-    """Return a plan that states in each setting only what its light shows there, without settings that lose all.
+    """Return a plan that states in each setting only what its light shows there, without settings that add nothing.
 
     No robot drives to where a camera sees nothing, and no probability is stated of an edge in the dark. Targets that
     no setting shows become ``uninspectable``, for the reason that the light has.
@@ -413,7 +414,7 @@ def shown_only(
         setting.without({*dark, *unlit})
         for setting, unlit in zip(plan.settings, plan.light.unlit, strict=True)
     ]
-    rows = [k for k, setting in enumerate(settings) if setting.entities]
+    rows = _needed_rows(settings)
     images = tuple(plan.light.images[k] for k in rows)
     light = replace(plan.light, images=images, unlit=tuple({} for _ in rows))
     shown = [name for name in plan.promises if name not in reasons]
@@ -421,14 +422,31 @@ def shown_only(
     if bound_of is not None:
         bounds.append(bound_of(shown))
     bound = min(max(bounds), len(rows))
+    proof = plan.bound_proof
+    if bound < plan.lower_bound:
+        targets = f"target{'s' * (len(dark) > 1)} that the light does not show"
+        remain = "remains" if bound == 1 else "remain"
+        proof += f" Without {len(dark)} {targets}, at least {bound} of {plan.lower_bound} {remain}."
     whole_bound = plan.whole_bound - len(dark)
     return replace(
         plan,
         settings=tuple(settings[k] for k in rows),
         light=light,
         lower_bound=bound,
-        bound_proof=plan.bound_proof if rows else "",
+        bound_proof=proof if rows else "",
         whole_bound=whole_bound if whole_bound > bound else 0,
         uninspectable={**plan.uninspectable, **reasons},
         split={name: value for name, value in plan.split.items() if name not in reasons},
     )
+
+
+def _needed_rows(settings: Sequence[SensorSetting]) -> list[int]:
+    """Return the indices of settings without those that state nothing that the others do not, the smallest first."""
+    counts = Counter(name for setting in settings for name in setting.entities)
+    needed_rows = set(range(len(settings)))
+    for k in sorted(needed_rows, key=lambda k: len(settings[k].entities)):
+        names = settings[k].entities
+        if not settings[k].ends and all(counts[name] > 1 for name in names):
+            needed_rows.remove(k)
+            counts.subtract(names)
+    return sorted(needed_rows)

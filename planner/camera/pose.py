@@ -280,6 +280,12 @@ def checked_poses(poses: Any) -> tuple[GivenPose, ...]:
         off = np.abs(turn @ turn.T - np.eye(3)).max()
         if not (np.isfinite(pose.cam2world).all() and off < _OFF_RIGID and np.linalg.det(turn) > 0):
             raise RequestError.of_rule("poses", "must be rigid", f"{pose.name!r}, which is not")
+        last = pose.cam2world[3].tolist()
+        if last != [0.0, 0.0, 0.0, 1.0]:
+            is_turned = pose.cam2world[:, 3].tolist() == [0.0, 0.0, 0.0, 1.0]
+            rule = "must have the last row [0, 0, 0, 1], and the position in the last column"
+            got = f"{last} in {pose.name!r}{', which is transposed' * is_turned}"
+            raise RequestError.of_rule("poses", rule, got)
         if names.count(pose.name) > 1:
             raise RequestError.of_rule("poses", "must have different names", f"{pose.name!r} twice")
     return tuple(items)

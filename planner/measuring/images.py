@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 MOST_CLIPPED = 0.05
 """Share of an image that may be overexposed without a note."""
+MOST_PLANNED = 0.3
+"""The same of an image that is exposed as a plan says, away from its targets."""
 BRIGHT_SHARE = 0.995
 """An image is as bright as this share of its pixels at most."""
 DARK_SHARE = 0.25
@@ -276,7 +278,12 @@ class Picture:
         return self.white * float(self.response.light(np.array(CLIPPED_SHARE))) ** self.power
 
     def notes(
-        self, blur_px: float, overexposed: Sequence[str] = (), share: float | None = None
+        self,
+        blur_px: float,
+        overexposed: Sequence[str] = (),
+        share: float | None = None,
+        *,
+        planned: bool = False,
     ) -> list[str]:
         """Return what is wrong with the exposure, and with the focus.
 
@@ -288,13 +295,16 @@ class Picture:
             Targets that are not measured, because light beside their edges is.
         share : float, optional
             For what share of the time to expose, if the image is overexposed and that is known.
+        planned : bool
+            Whether a plan says what to expose it for. It may then be overexposed away from its targets.
         """
         notes = []
         bright = self.bright_share
         shorter = "expose for half of the time or less"
         if share is not None:
             shorter = f"expose for {percent_text(share, 2)} of the time, less if the part is shiny"
-        if self.overexposed:
+        as_planned = planned and share is None and self.clipped_share <= MOST_PLANNED
+        if self.overexposed and not (as_planned and not overexposed):
             notes.append(f"{100 * self.clipped_share:.0f} % of the image is overexposed: {shorter}")
         elif overexposed:
             notes.append(f"overexposed beside {', '.join(overexposed)}: {shorter}")

@@ -163,7 +163,9 @@ def image_notes(
                 plan.light.area or plan.light.lamps[list(image.lamps)],
             )
         blur = registered[name].blur_px if name in registered else 0.0
-        notes += [f"{name}: {note}" for note in picture.notes(blur, lost, share)]
+        notes += [
+            f"{name}: {note}" for note in picture.notes(blur, lost, share, planned=name in lit)
+        ]
     return notes
 
 

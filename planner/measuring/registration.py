@@ -481,6 +481,10 @@ class Registration:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
+        methods = (PLANNED, GIVEN, OWN_EDGES, FIDUCIALS, BOTH)
+        if self.method not in methods:
+            rule = f"must be one of {', '.join(map(repr, methods))}, as the class methods make it"
+            raise RequestError.of_rule("method", rule, repr(self.method))
         if self.surfaces_mm is not None:
             check_number("surfaces_mm", self.surfaces_mm, NOT_NEGATIVE)
 

@@ -892,19 +892,20 @@ def _measured_curve(
     curve = profiles.curve()
     power = profiles.power(LINEAR)
     is_straight = power.excess > -LEAST_CURVED or (curve is not None and not curve.is_bent)
-    if is_broken or is_straight:
+    # what no response explains is light that changes next to edges, such as that of a ring
+    if is_broken or is_straight or curve is None:
         # the power that symmetric edges would show may be twice as large
         power = power._replace(sd=_TIMES_UNCLEAR * max(power.sd, abs(power.excess)))
         straight = _believed(plain, power, bool(but))
         note = (
-            f"{but}edges are not symmetric, because of gamma or because they are broken: "
+            f"{but}edges are not symmetric, because of gamma, of uneven light or because they are broken: "
             f"U allows for a gamma off by {min(power.sd, MOST_SD):.1g}; state response"
         )
         return replace(straight, note=note, is_changed=bool(but))
-    gamma = 0.0 if curve is None else curve.usual_gamma
-    about = f" (gamma about {gamma:.2g})" if curve is not None else ""
+    gamma = curve.usual_gamma
+    about = f" (gamma about {gamma:.2g})"
     reason = f"grey values are not proportional to light{about}: switch gamma off or state response"
-    if curve is None or not curve.sd < REFUSED_SD:
+    if not curve.sd < REFUSED_SD:
         return JudgedResponse(dict(plain), math.nan, math.inf, note=f"{but}{reason}", reason=reason)
     black = ""
     if curve.black > VIDEO_BLACK / 2:

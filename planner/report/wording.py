@@ -559,7 +559,8 @@ def light_sentence(plan: InspectionPlan) -> str:
     )
     several = [len(images) for images in light.images if len(images) > 1]
     taken = count(len(several), "setting needs", "settings need")
-    images = f" {taken} more than one image, {sum(several)} in total." if several else ""
+    total = sum(map(len, light.images))
+    images = f" {taken} more than one image, and the plan takes {total}." if several else ""
     switched = "all on together" if light.together else "one lamp at a time"
     return f"{lamps} {shown} {contrast}, {switched}{f' ({proof})' if n else ''}.{images}"
 

@@ -547,3 +547,17 @@ def test_a_camera_keeps_its_white_level(tmp_path):
     assert Camera.read(camera.write(tmp_path / "camera.toml")) == camera
     assert camera.to_dict()["white_level"] == 4095
     assert "white_level" not in CAMERA_PICTURE.to_dict()
+
+
+def test_an_image_that_is_exposed_as_planned_has_no_note():
+    """A plan exposes for its targets; what is brighter elsewhere, up to 30 % of the image, may be overexposed."""
+    for clipped, noted in ((0.2, False), (0.4, True)):
+        image = np.full((100, 100), 120, np.uint8)
+        image[: round(100 * clipped)] = 255
+        picture = Picture.of("one", image, CAMERA_PICTURE)
+        assert picture.overexposed
+        assert picture.notes(0.0)
+        assert bool(picture.notes(0.0, planned=True)) == noted
+        # unless a target is lost, or the light says by how much there is too much of it
+        assert picture.notes(0.0, ["bore"], planned=True)
+        assert picture.notes(0.0, share=0.5, planned=True)

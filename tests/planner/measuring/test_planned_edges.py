@@ -305,6 +305,12 @@ def test_what_a_plan_cannot_know_is_refused_before_any_work(block, how, words):
         planned(block, how)
 
 
+def test_a_word_of_the_command_line_is_no_method():
+    """It would be measured as from planned poses."""
+    with pytest.raises(RequestError, match=r"method must be one of 'planned', .* Got 'edges'\."):
+        Registration("edges")
+
+
 def test_planned_poses_are_no_registration(block):
     options = InspectionOptions(registration=Registration.none())
     assert options.registration_record is None

@@ -509,6 +509,17 @@ def test_light_on_metal_tells_no_response():
     assert not judged.note
 
 
+def test_edges_that_no_response_explains_widen_u():
+    """Light that changes next to edges, as of a ring near the part, makes them asymmetric as no gamma does."""
+    power = PowerEstimate(excess=-1.06, sd=0.24, edges=10)
+    profiles = SimpleNamespace(curve=lambda: None, power=lambda _: power)
+    judged = _measured_curve(profiles, {}, "", is_broken=False)
+    assert not judged.reason
+    assert (
+        "of uneven light or because they are broken: U allows for a gamma off by 0.8" in judged.note
+    )
+
+
 def test_u_contains_what_other_responses_would_read():
     judged = JudgedResponse({}, 1.0, 0.05)
     counted = judged.counted(reading(10.0, 0.03), [reading(10.04, 0.03)])

@@ -341,7 +341,7 @@ def test_a_calibration_is_told_and_nothing_of_other_cameras():
 
 
 def test_settings_that_take_several_images_are_counted_and_their_images():
-    """Three settings of 3, 1 and 2 images: two take more than one, five together."""
+    """Three settings of 3, 1 and 2 images: two take more than one, six are taken."""
     each = [[LitImage((0,), {"top front": 0.3})] * n for n in (3, 1, 2)]
     light = LightPlan(
         "placed", 0.1, 0.1, "dark", np.zeros((1, 3)), tuple(map(tuple, each)), ({}, {}, {}), 1, "so"
@@ -349,10 +349,12 @@ def test_settings_that_take_several_images_are_counted_and_their_images():
     asked = plan(
         settings=(setting((0.0, 0.0, 300.0), ["top front", "top right"]),) * 3, light=light
     )
-    assert light_sentence(asked).endswith(" 2 settings need more than one image, 5 in total.")
+    assert light_sentence(asked).endswith(
+        " 2 settings need more than one image, and the plan takes 6."
+    )
     one = replace(light, images=(light.images[0], light.images[1], light.images[1]))
     assert light_sentence(replace(asked, light=one)).endswith(
-        " 1 setting needs more than one image, 3 in total."
+        " 1 setting needs more than one image, and the plan takes 5."
     )
     none = replace(light, images=(light.images[1],) * 3)
     assert "image" not in light_sentence(replace(asked, light=none))

@@ -146,6 +146,10 @@ def test_the_plan_comes_back_from_its_file_with_the_poses(plan, tmp_path):
         ([], "poses must hold at least one pose"),
         (np.zeros((1, 3, 4)), r"poses must have the shape \(n, 4, 4\)"),
         ([2 * np.eye(4)], "poses must be rigid"),
+        (
+            [np.eye(4) + np.outer(np.eye(4)[3], [0, 0, 300, 0])],
+            r"poses must have the last row \[0, 0, 0, 1\].* Got \[0.0, 0.0, 300.0, 1.0\] in 'pose_01', which is tr",
+        ),
         ([GIVEN[0], GIVEN[0]], "poses must have different names"),
     ],
 )

@@ -83,4 +83,22 @@ def test_a_plan_states_only_what_its_light_shows():
     assert (made.lower_bound, made.unlit, list(made.inspected)) == (2, (), ["top front", "bottom"])
     assert shown_only(poses_only, lambda names: len(names) - 1).lower_bound == 2
     assert shown_only(replace(poses_only, lower_bound=1)).lower_bound == 1
+    proof = " Without 1 target that the light does not show, at least 2 of 3 remain."
+    assert made.bound_proof == poses_only.bound_proof + proof
     assert shown_only(made) is made
+
+
+def test_a_setting_that_adds_nothing_in_the_light_is_left_out():
+    """Without what no lamp shows, the first setting measures what the second one does, too."""
+    shown = (
+        (LitImage((0,), {"top front": 0.3}),),
+        (LitImage((0,), {"top front": 0.3, "bottom": 0.2}),),
+    )
+    light = replace(LIGHT, images=shown, unlit=(DARK, {}))
+    settings = (
+        setting((0.0, 0.0, 300.0), ["top front", "top right"]),
+        setting((0.0, 20.0, 300.0), ["top front", "bottom"]),
+    )
+    made = shown_only(plan(settings=settings, uninspectable={}, light=light))
+    assert [one.entities for one in made.settings] == [("top front", "bottom")]
+    assert made.light.images == shown[1:]
