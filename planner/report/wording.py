@@ -226,6 +226,9 @@ def brief_edges_text(plan: InspectionPlan) -> str:
     """
     text = edges_text(plan)
     whole = unstated_edges_text(plan)
+    if not whole and not text and plan.request.edge_break_mm is None and _measures_lengths(plan):
+        assumed = f"'measure' assumes breaks of up to {EdgeState().high_mm:g} mm"
+        return f"planned as sharp; {assumed}, so its U of lengths will be larger. State its --edges"
     if not whole:
         return text
     brief = whole.partition(". ")[0]
@@ -238,6 +241,12 @@ def brief_edges_text(plan: InspectionPlan) -> str:
             f"will be about {amount_text(foreseen, plan.dimensions[worst.name].unit)}"
         )
     return text.replace(whole, f"{brief}. State --edges sharp, or --edges 0.1..0.3")
+
+
+def _measures_lengths(plan: InspectionPlan) -> bool:
+    """Return whether a setting measures the length of an edge, which the plan takes for sharp."""
+    lengths = plan.targets.keys() - plan.dimensions.keys()
+    return any(lengths.intersection(setting.entities) for setting in plan.settings)
 
 
 def unstated_edges_text(plan: InspectionPlan) -> str:

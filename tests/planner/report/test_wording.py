@@ -433,3 +433,12 @@ def test_edges_planned_as_sharp_are_told_with_the_u_that_measuring_will_state():
 )
 def test_a_stretch_is_named_by_percentages(name, words):
     assert entity_words(name) == words
+
+
+def test_lengths_are_said_to_be_planned_as_sharp():
+    """U of `measure` was up to five times that of the plan, as breaks of 0.05 mm may move both ends."""
+    lengths = plan()
+    text = "planned as sharp; 'measure' assumes breaks of up to 0.05 mm, so its U of lengths will be larger"
+    assert brief_edges_text(lengths) == f"{text}. State its --edges"
+    stated = replace(lengths, request=replace(lengths.request, edge_break_mm=(0.0, 0.0)))
+    assert text not in brief_edges_text(stated)
