@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -188,3 +189,10 @@ def test_what_is_no_solid_is_refused_with_the_order_of_the_arguments(given, mess
 def test_what_is_no_path_has_no_requirements():
     with pytest.raises(ReadError, match=r"^path must be a path\. Got 3\.$"):
         read_requirements(3, cube())
+
+
+def test_a_summary_counts_requirements():
+    whole = read_requirements(EXAMPLE, read_solid(EXAMPLE))
+    one = replace(whole, dimensions=whole.dimensions[:1], tolerances=())
+    assert repr(one) == "<ModelRequirements: 1 dimension, 0 geometric tolerances, 1 measurable>"
+    assert one._notebook_view().title == "1 requirement, 1 measurable"
