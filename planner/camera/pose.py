@@ -371,7 +371,7 @@ class PoseUncertainty:
             if not NOT_NEGATIVE.accepts(value):
                 raise UncertaintyError.of_rule(name, NOT_NEGATIVE.text, shown(value))
         if translation_mm > MAX_SIGMA_MM:
-            rule = f"must be at most {MAX_SIGMA_MM:g} mm"
+            rule = f"must have standard deviations of at most {MAX_SIGMA_MM:g} mm"
             hint = f"{translation_mm:g} µm are {translation_mm / 1000:g} mm"
             raise UncertaintyError.of_rule(
                 "translation_mm", rule, f"{translation_mm:g} mm", hint=hint

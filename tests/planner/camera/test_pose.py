@@ -258,6 +258,7 @@ def test_a_translation_in_other_units_is_refused_by_its_name():
     with pytest.raises(UncertaintyError) as info:
         PoseUncertainty.isotropic(translation_mm=500, rotation_rad=0.001)
     assert str(info.value) == (
-        "translation_mm must be at most 100 mm. Got 500 mm; 500 µm are 0.5 mm."
+        "translation_mm must have standard deviations of at most 100 mm. "
+        "Got 500 mm; 500 µm are 0.5 mm."
     )
     assert PoseUncertainty.isotropic(translation_mm=100, rotation_rad=0.001).sigmas[0] == 100.0
