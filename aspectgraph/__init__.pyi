@@ -21,6 +21,7 @@ from .entities.entity_rules import select_entities as select_entities
 from .exceptions import AspectGraphError as AspectGraphError
 from .exceptions import ContradictionError as ContradictionError
 from .exceptions import EntityError as EntityError
+from .exceptions import GraphFileNotFoundError as GraphFileNotFoundError
 from .exceptions import GraphMLError as GraphMLError
 from .exceptions import LightError as LightError
 from .exceptions import MemoryLimitError as MemoryLimitError

@@ -80,6 +80,10 @@ class GraphMLError(AspectGraphError, ValueError):
     """A graph cannot be written as GraphML without loss, or a GraphML file does not hold such a graph."""
 
 
+class GraphFileNotFoundError(GraphMLError, FileNotFoundError):
+    """There is no such GraphML file."""
+
+
 class OutputError(AspectGraphError, OSError):
     """A file cannot be written."""
 

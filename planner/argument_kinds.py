@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from functools import wraps
 from numbers import Integral, Real
-from typing import Any, NamedTuple, ParamSpec, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeVar, cast
 
 from planner.exceptions import RequestError
 
@@ -133,6 +133,16 @@ def check_kinds(**given: tuple[object, str]) -> None:
         raise RequestError.of_rule(parameter, rule, kind_shown(value), hint=hint)
 
 
+def check_list(name: str, values: object, kind: str, hint: str) -> None:
+    """Raise `RequestError` unless a value is a list of a type; the hint says what makes one."""
+    rule = f"must be a list of {kind}"
+    if not _is(values, ITEMS) or isinstance(values, Mapping):
+        raise RequestError.of_rule(name, rule, kind_shown(values), hint=hint)
+    for value in cast("Sequence[object]", values):
+        if not _is(value, kind):
+            raise RequestError.of_rule(name, rule, f"a list with {kind_shown(value)}", hint=hint)
+
+
 def check_callable(name: str, value: object) -> None:
     """Raise `RequestError` unless a value is None or can be called."""
     if value is not None and not callable(value):
@@ -222,7 +232,11 @@ def shown(value: object, text: Callable[[Any], str] = repr) -> str:
     """Return a value as Python writes it, shortened to a readable length."""
     if isinstance(value, int) and value.bit_length() > 240:
         return f"an integer of {value.bit_length()} bits"
-    return _cut(text(value), 80)
+    line = text(value)
+    if "\n" in line:
+        # arrays have a line per row
+        line = " ".join(line.split())
+    return _cut(line, 80)
 
 
 def _is(value: object, kind: str) -> bool:

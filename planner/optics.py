@@ -15,7 +15,7 @@ from errors.checks import probability_text
 from ground.convert import Meta
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
 from ground.short_repr import short_repr
-from planner.argument_kinds import MAPPING, check_fraction, check_kinds
+from planner.argument_kinds import MAPPING, check_fraction, check_kinds, check_list
 from planner.camera.camera import Camera, camera_parts, check_bodies
 from planner.camera.pose import (
     GivenPose,
@@ -642,6 +642,7 @@ def optics_table(proposals: Sequence[OpticsProposal], most: int = 10) -> str:
     >>> print(row)
     a body  a lens   8    300 mm  266 to 343   308 x 258      1/1           80 %
     """
+    check_list("proposals", proposals, "OpticsProposal", "propose_optics returns one")
     return "\n".join(Table(OPTICS_COLUMNS, optics_rows(proposals, most)).lines(None))
 
 

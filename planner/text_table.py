@@ -343,8 +343,8 @@ def _sizes(
     for k, column in enumerate(columns):
         cells = [row[k] for row in rows]
         title = max(map(_cells, column.heading.split()), default=0)
-        natural.append(max(_cells(column.heading), *map(_natural, cells)))
-        narrowest.append(max(title, *map(_least, cells)))
+        natural.append(max([_cells(column.heading), *map(_natural, cells)]))
+        narrowest.append(max([title, *map(_least, cells)]))
     if width is None:
         return natural
     free = width - len(_GAP) * (len(columns) - 1) - sum(narrowest)

@@ -30,6 +30,7 @@ from aspectgraph.dimensions.features import (
     unique_names,
 )
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
+from ground.short_repr import count
 
 _SURFACE = "needs the surface, not its edges"
 _FORM = "edges do not show it"
@@ -197,8 +198,9 @@ class ModelRequirements(ShownInNotebook):
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        counts = f"{len(self.dimensions)} dimensions, {len(self.tolerances)} geometric tolerances"
-        return f"<ModelRequirements: {counts}, {self.n_measurable} measurable>"
+        dimensions = count(len(self.dimensions), "dimension")
+        tolerances = count(len(self.tolerances), "geometric tolerance")
+        return f"<ModelRequirements: {dimensions}, {tolerances}, {self.n_measurable} measurable>"
 
     def _notebook_view(self) -> NotebookView:
         rows = []
@@ -209,7 +211,7 @@ class ModelRequirements(ShownInNotebook):
             kind = requirement.kind.replace("_", " ")
             rows.append((requirement.name, f"{kind} {_required_text(requirement)}", shown))
         headings = ("requirement", "value", "entities, or why none")
-        title = f"{len(self)} requirements, {self.n_measurable} measurable"
+        title = f"{count(len(self), 'requirement')}, {self.n_measurable} measurable"
         return NotebookView(title, self.disagreements, NotebookTable(headings, rows))
 
     @property

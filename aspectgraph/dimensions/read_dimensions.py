@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ from aspectgraph.files import ReadLimits
 from aspectgraph.phases import phase
 from aspectgraph.read.part_file import STEP_SUFFIXES, plain_step_file
 from aspectgraph.read.step.step_file import StepKernel
-from aspectgraph.solid.solid import Solid, check_solid
+from aspectgraph.solid.solid import Solid, check_solid, kind_text
 
 AGREEMENT_MM = 0.013
 """A stated length and the geometry agree within half of a thousandth of an inch, to which drawings round."""
@@ -134,6 +135,8 @@ def read_requirements(
 
     Raises
     ------
+    SolidError
+        It is no solid, or the two arguments are exchanged.
     PartFileNotFoundError
         There is no such file.
     ReadError
@@ -149,7 +152,9 @@ def read_requirements(
     >>> len(stated), len(stated.dimensions), len(stated.tolerances), stated.n_measurable
     (18, 12, 6, 14)
     """
-    check_solid(solid)
+    check_solid(solid, path, "path, solid")
+    if not isinstance(path, str | PathLike):
+        raise ReadError.of_rule("path", "must be a path", kind_text(path))
     for label, value in (("agreement_mm", agreement_mm), ("agreement_deg", agreement_deg)):
         if not 0 < value < float("inf"):
             raise ReadError(f"{label} must be positive and finite. Got {value}.")

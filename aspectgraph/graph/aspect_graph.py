@@ -29,9 +29,9 @@ from aspectgraph.domains.find_domains import (
 )
 from aspectgraph.entities.entity import Entity
 from aspectgraph.exact.grid import as_points
-from aspectgraph.exceptions import EntityError, GraphMLError
+from aspectgraph.exceptions import EntityError, GraphFileNotFoundError, GraphMLError
 from aspectgraph.files import replacing, up_to_limit
-from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.solid import Solid, kind_text
 from aspectgraph.visibility.visibility_regions import VisibilityRegions
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook
 from ground.short_repr import count, short_repr
@@ -509,7 +509,7 @@ def read_graphml(path: str | os.PathLike[str]) -> nx.Graph:
     ------
     GraphMLError
         The file is not GraphML, or is not the GraphML of an aspect graph.
-    FileNotFoundError
+    GraphFileNotFoundError
         There is no such file.
 
     Examples
@@ -524,12 +524,20 @@ def read_graphml(path: str | os.PathLike[str]) -> nx.Graph:
     >>> nx.utils.graphs_equal(again, graph)
     True
     """
+    if not isinstance(path, str | os.PathLike):
+        raise GraphMLError.of_rule("path", "must be a path", kind_text(path))
     path = Path(path)
     try:
         # what networkx warns of and guesses, a missing type for one, is never in a file of ours
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             flat = nx.read_graphml(io.BytesIO(_content(path)), node_type=int)
+    except FileNotFoundError:
+        rule = "must name an existing GraphML file"
+        raise GraphFileNotFoundError.of_rule("path", rule, repr(str(path))) from None
+    except IsADirectoryError:
+        rule = "must name a GraphML file"
+        raise GraphMLError.of_rule("path", rule, f"the folder {str(path)!r}") from None
     except (
         ParseError,
         nx.NetworkXError,
@@ -857,7 +865,7 @@ def stability(eag: EntityAspectGraph | nx.Graph) -> list[ListOfEntities]:
     >>> sorted(group.observable for group in stability(eag))
     [(), ('side',), ('top',), ('top', 'side')]
     """
-    nodes = _graph(eag).nodes
+    nodes = plain_graph(eag).nodes
     total = sum(volume for _, volume in nodes(data="volume"))
     groups: dict[tuple[str, ...], list[int]] = {}
     for node, names in nodes(data="observable"):
@@ -905,7 +913,7 @@ def richest_domains(eag: EntityAspectGraph | nx.Graph, n: int | None = None) -> 
     """
     if n is not None and (isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1):
         raise EntityError.of_rule("n", "must be a positive whole number", repr(n))
-    nodes = _graph(eag).nodes
+    nodes = plain_graph(eag).nodes
 
     def key(node: int) -> tuple[Any, ...]:
         record = nodes[node]
@@ -950,7 +958,7 @@ def domain_path(eag: EntityAspectGraph | nx.Graph, start: int, goal: int) -> lis
     >>> sorted(name for crossing in way for name in crossing.vanish)
     ['side', 'top']
     """
-    graph = _graph(eag)
+    graph = plain_graph(eag)
     for name, node in (("start", start), ("goal", goal)):
         if node not in graph:
             raise EntityError.of_rule(
@@ -976,16 +984,42 @@ def domain_path(eag: EntityAspectGraph | nx.Graph, start: int, goal: int) -> lis
     ]
 
 
-def _named_type(value: object) -> str:
-    name = type(value).__name__
-    return f"an {name}" if name[0] in "AEIOUaeiou" else f"a {name}"
+def check_eag(eag: object) -> None:
+    """Refuse what is no `EntityAspectGraph`, where one of networkx does not hold enough.
+
+    Parameters
+    ----------
+    eag : object
+        What was given.
+
+    Raises
+    ------
+    EntityError
+        If it is none.
+    """
+    if not isinstance(eag, EntityAspectGraph):
+        rule = "must be an EntityAspectGraph"
+        hint = "build_aspect_graph makes one"
+        raise EntityError.of_rule("eag", rule, kind_text(eag), hint=hint)
 
 
-def _graph(eag: EntityAspectGraph | nx.Graph) -> nx.Graph:
+def plain_graph(eag: EntityAspectGraph | nx.Graph) -> nx.Graph:
+    """Return the graph of networkx.
+
+    Parameters
+    ----------
+    eag : EntityAspectGraph or networkx.Graph
+        What was given.
+
+    Raises
+    ------
+    EntityError
+        If it is neither.
+    """
     if isinstance(eag, EntityAspectGraph):
         return eag.graph
     if not isinstance(eag, nx.Graph):
         rule = "must be an EntityAspectGraph or a networkx.Graph"
         hint = "build_aspect_graph and read_graphml make one"
-        raise EntityError.of_rule("eag", rule, _named_type(eag), hint=hint)
+        raise EntityError.of_rule("eag", rule, kind_text(eag), hint=hint)
     return eag

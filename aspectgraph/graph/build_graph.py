@@ -38,7 +38,7 @@ from aspectgraph.entities.entity import Entity
 from aspectgraph.exact.grid import Grid, find_plane, plane_through, sign_at_point
 from aspectgraph.exceptions import ContradictionError, MemoryLimitError
 from aspectgraph.graph.aspect_graph import EntityAspectGraph, PartitionSurface, curve_attributes
-from aspectgraph.solid.solid import RayScene, Solid
+from aspectgraph.solid.solid import RayScene, Solid, check_solid
 from aspectgraph.visibility.entity_region import Region, SharedPlanes, overlay, share_planes
 from aspectgraph.visibility.scene import (
     CONTRAST,
@@ -51,6 +51,7 @@ from aspectgraph.visibility.scene import (
 from aspectgraph.visibility.visibility_regions import (
     Progress,
     VisibilityRegions,
+    check_regions,
     check_workspace,
     compute_regions,
 )
@@ -267,6 +268,8 @@ def complete_aspect_graph(
 
     Raises
     ------
+    SolidError
+        If it is no solid.
     WorkspaceError
         If the workspace is not a box around the part.
 
@@ -281,6 +284,7 @@ def complete_aspect_graph(
     >>> len(graph), sorted(graph.nodes[0])[:2]
     (26, ['clearance', 'drawing'])
     """
+    check_solid(solid)
     box_mm = check_workspace(workspace, solid)
     grid, scene = make_scene(solid)
     sharp = solid.straight_edges(min_dihedral_deg=_SHARP_DEG)
@@ -667,6 +671,11 @@ def estimate_graph(regions: VisibilityRegions, names: Sequence[str] | None = Non
         ``memory_bytes`` and ``seconds``. The real values may differ by a factor of three, more on a
         busy machine.
 
+    Raises
+    ------
+    EntityError
+        If `regions` are none, or a name is unknown.
+
     Examples
     --------
     >>> from aspectgraph import compute_regions, estimate_graph, read_solid
@@ -675,6 +684,7 @@ def estimate_graph(regions: VisibilityRegions, names: Sequence[str] | None = Non
     >>> estimate_graph(regions, ["rim"]).memory_bytes < estimate_graph(regions).memory_bytes < 1e9
     True
     """
+    check_regions(regions)
     chosen = regions.check_names(regions.entity_names if names is None else names)
     return estimate_joint_graph([regions._regions[name] for name in chosen])
 
@@ -1000,7 +1010,7 @@ def graph_of(
     Raises
     ------
     EntityError
-        If a name is unknown.
+        If `regions` are none, or a name is unknown.
     WidthError
         If `min_width_mm` is out of range.
     MemoryLimitError
@@ -1019,6 +1029,7 @@ def graph_of(
     >>> graph_of(regions, ["top"])
     <EntityAspectGraph of 'box': 1 entity, 2 domains, 1 adjacency>
     """
+    check_regions(regions)
     chosen = regions.subset(regions.entity_names if names is None else names)
     displaced = float(chosen.grid.resolution * chosen.grid.step_mm)
     min_width_mm = check_min_width(min_width_mm, largest_extent(chosen.solid.vertices), displaced)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Iterable, Sequence
 from itertools import pairwise, product
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,7 +22,7 @@ from aspectgraph.exceptions import EntityError, MissingExtraError, PictureError,
 from aspectgraph.files import replacing
 from aspectgraph.plot.traces import is_feature, line_trace, part_traces, scene_figure, xyz
 from aspectgraph.solid.rims import Arc, Rim
-from aspectgraph.solid.solid import RayScene, Solid
+from aspectgraph.solid.solid import RayScene, Solid, check_solid, kind_text
 from ground.templates import asset, render
 
 if TYPE_CHECKING:
@@ -661,6 +662,8 @@ def write_edge_picture(
 
     Raises
     ------
+    SolidError
+        It is no solid, or the two arguments are exchanged.
     PictureError
         The path has another ending.
     EntityError
@@ -683,6 +686,9 @@ def write_edge_picture(
     ...     write_edge_picture(box, Path(folder) / "edges.html").name
     'edges.html'
     """
+    check_solid(solid, path, "solid, path")
+    if not isinstance(path, str | PathLike):
+        raise PictureError.of_rule("path", "must be a path", kind_text(path))
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in (".png", ".html"):
@@ -721,6 +727,8 @@ def edge_figure(
 
     Raises
     ------
+    SolidError
+        It is no solid.
     EntityError
         There is no such edge, rim or arc.
 
@@ -736,6 +744,7 @@ def edge_figure(
     """
     import plotly.graph_objects as go
 
+    check_solid(solid)
     items = named_items(solid, edge_ids, curve_ids)
     lines = [_line(item, n) for n, item in enumerate(items)]
     labels = go.Scatter3d(

@@ -12,7 +12,8 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from aspectgraph.exceptions import AspectGraphError, WorkspaceError
+from aspectgraph.exceptions import AspectGraphError, SolidError, WorkspaceError
+from aspectgraph.graph.aspect_graph import EntityAspectGraph, check_eag, plain_graph
 from aspectgraph.plot.traces import (
     INK,
     box_around,
@@ -34,6 +35,7 @@ from aspectgraph.plot.traces import (
     text_extent,
     xyz,
 )
+from aspectgraph.solid.solid import Solid, kind_text
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -43,8 +45,6 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
     from aspectgraph.entities.entity import Entity
-    from aspectgraph.graph.aspect_graph import EntityAspectGraph
-    from aspectgraph.solid.solid import Solid
 
 # Interactive 3-D pictures: a part with its entities, and viewing domains around it (plotly).
 
@@ -115,6 +115,8 @@ def plot_section(
 
     Raises
     ------
+    EntityError
+        What is given is no `EntityAspectGraph`.
     ValueError
         The axis is not one of these.
     WorkspaceError
@@ -134,6 +136,7 @@ def plot_section(
     >>> drawing
     <SectionDrawing: 3 domains in the window>
     """
+    check_eag(eag)
     if axis not in ("x", "y", "z"):
         raise ValueError(f"axis must be 'x', 'y' or 'z'. Got {axis!r}.")
     k = "xyz".index(axis)
@@ -349,6 +352,11 @@ def plot_solid(part: Any, entities: Mapping[str, Entity] | None = None) -> Figur
     plotly.graph_objects.Figure
         The part and the entities.
 
+    Raises
+    ------
+    SolidError
+        `part` is none of these.
+
     Examples
     --------
     >>> from itertools import product
@@ -360,6 +368,10 @@ def plot_solid(part: Any, entities: Mapping[str, Entity] | None = None) -> Figur
     'Figure'
     """
     solid = getattr(part, "solid", part)
+    if not isinstance(solid, Solid):
+        rule = "must be a Solid, an EntityAspectGraph or VisibilityRegions"
+        hint = "read_solid reads a Solid from a file"
+        raise SolidError.of_rule("part", rule, kind_text(part), hint=hint)
     if entities is None:
         entities = getattr(part, "entities", {})
     return _figure(
@@ -399,6 +411,8 @@ def plot_domains(
 
     Raises
     ------
+    EntityError
+        What is given is no `EntityAspectGraph`.
     AspectGraphError
         A node is not in the graph.
     WorkspaceError
@@ -416,6 +430,7 @@ def plot_domains(
     >>> type(plot_domains(build_aspect_graph(box, {"top": 1, "side": 2}), [0])).__name__
     'Figure'
     """
+    check_eag(eag)
     if not 0 < opacity <= 1:
         raise ValueError(f"opacity must be in (0, 1]. Got {opacity}.")
     chosen = list(eag.graph) if nodes is None else list(nodes)
@@ -840,7 +855,7 @@ def plot_graph(
 
 
 def _checked(eag: EntityAspectGraph | nx.Graph) -> nx.Graph:
-    graph = eag if isinstance(eag, nx.Graph) else eag.graph
+    graph = plain_graph(eag)
     if not len(graph):
         raise ValueError("eag must have at least one node. Got a graph without nodes.")
     missing = [node for node, data in graph.nodes(data=True) if "volume" not in data]

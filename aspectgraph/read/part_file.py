@@ -8,6 +8,7 @@ import tempfile
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from aspectgraph.exceptions import PartFileNotFoundError, ReadError
 from aspectgraph.files import ReadLimits, SolidChoice, SolidEntry, as_choice, more_of
 from aspectgraph.read.mesh import read_mesh
 from aspectgraph.read.step.step_file import list_step, read_step
-from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.solid import Solid, kind_text
 
 STEP_SUFFIXES = (".step", ".stp")
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off", ".glb")
@@ -86,9 +87,7 @@ def read_solid(
         raise ReadError.of_rule("path", "must be a path", got)
     path = Path(path)
     if not path.is_file():
-        raise PartFileNotFoundError.of_rule(
-            "path", "must name an existing part file", repr(str(path))
-        )
+        raise _no_file(path)
     limits = limits or ReadLimits()
     packed = path.suffix.lower() == ".gz"
     plain_name = path.stem if packed else path.name
@@ -181,12 +180,27 @@ def _check_tolerances(
         "gap_mm": gap_mm,
     }
     for label, value in lengths.items():
-        if value is not None and not 0 < value < float("inf"):
-            raise ReadError.of_rule(label, "must be positive and finite", str(value))
-    if angular_tolerance_deg is not None and not 0 < angular_tolerance_deg <= 90:
-        raise ReadError.of_rule(
-            "angular_tolerance_deg", "must be in (0, 90]", str(angular_tolerance_deg)
-        )
+        if value is not None and not (_is_number(value) and 0 < value < float("inf")):
+            raise ReadError.of_rule(label, "must be positive and finite", _number_text(value))
+    angle = angular_tolerance_deg
+    if angle is not None and not (_is_number(angle) and 0 < angle <= 90):
+        got = _number_text(angle)
+        raise ReadError.of_rule("angular_tolerance_deg", "must be in (0, 90]", got)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _number_text(value: object) -> str:
+    """Return a number as users write it, also one of numpy; what is none by its kind."""
+    return str(value) if _is_number(value) else kind_text(value)
+
+
+def _no_file(path: Path) -> PartFileNotFoundError:
+    """Return the error of a path that names no file: it may name a folder."""
+    got = f"the folder {str(path)!r}" if path.is_dir() else repr(str(path))
+    return PartFileNotFoundError.of_rule("path", "must name an existing part file", got)
 
 
 def _check_units(units: str | None, path: Path) -> None:
@@ -222,9 +236,7 @@ def plain_step_file(path: Path, limits: ReadLimits) -> Iterator[Path]:
         It cannot be read, is too large, or does not begin like a STEP file.
     """
     if not path.is_file():
-        raise PartFileNotFoundError.of_rule(
-            "path", "must name an existing part file", repr(str(path))
-        )
+        raise _no_file(path)
     packed = path.suffix.lower() == ".gz"
     with _plain(path, _content(path, packed, limits), packed) as plain:
         yield plain

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -260,6 +261,7 @@ class FileSolids(NamedTuple):
 
 # characters of a wrong argument that an error repeats
 _LONGEST = 40
+_EDGE_TEXT = re.compile(r"e?\d{1,300}", re.ASCII)
 
 
 class Solid(ShownInNotebook):
@@ -441,13 +443,13 @@ class Solid(ShownInNotebook):
         """Number of connected pieces of surface."""
         return int(self.face_shell.max()) + 1
 
-    def edge_points(self, edge_id: int) -> np.ndarray:
+    def edge_points(self, edge_id: int | str) -> np.ndarray:
         """Return the two end points of an edge.
 
         Parameters
         ----------
-        edge_id : int
-            Its id, which is its index in `edges`.
+        edge_id : int or str
+            Its id, which is its index in `edges`, also as ``"e5"``.
 
         Returns
         -------
@@ -461,13 +463,13 @@ class Solid(ShownInNotebook):
         """
         return self.vertices[list(self._edge(edge_id).vertices)]
 
-    def edge_length_mm(self, edge_id: int) -> float:
+    def edge_length_mm(self, edge_id: int | str) -> float:
         """Return the length of an edge.
 
         Parameters
         ----------
-        edge_id : int
-            Its id, which is its index in `edges`.
+        edge_id : int or str
+            Its id, which is its index in `edges`, also as ``"e5"``.
 
         Returns
         -------
@@ -564,7 +566,7 @@ class Solid(ShownInNotebook):
             a for a in self._arcs if not isinstance(a, Rim) and a.dihedral_deg >= min_dihedral_deg
         )
 
-    def edge_ends(self, edge: Edge | int) -> tuple[EdgeEnd, ...]:
+    def edge_ends(self, edge: Edge | int | str) -> tuple[EdgeEnd, ...]:
         """Return how a straight edge ends: at a corner, or smoothly in an arc.
 
         The length of an edge is measured to its corners. Where an edge ends in a tangent arc, its
@@ -572,7 +574,7 @@ class Solid(ShownInNotebook):
 
         Parameters
         ----------
-        edge : Edge or int
+        edge : Edge, int or str
             One of the solid's edges, or its id.
 
         Returns
@@ -588,17 +590,20 @@ class Solid(ShownInNotebook):
         chosen = self._edge(edge.id if isinstance(edge, Edge) else edge)
         return find_edge_ends(self, chosen, *self._ends)
 
-    def _edge(self, edge_id: int) -> Edge:
+    def _edge(self, edge_id: int | str) -> Edge:
         """Return the edge of an id. A negative one is none: as an index it would be another edge's."""
+        number: Any = edge_id
+        if isinstance(edge_id, str) and _EDGE_TEXT.fullmatch(edge_id):
+            number = int(edge_id.removeprefix("e"))
         if (
-            isinstance(edge_id, bool)
-            or not isinstance(edge_id, int | np.integer)
-            or not 0 <= edge_id < len(self.edges)
+            isinstance(number, bool)
+            or not isinstance(number, int | np.integer)
+            or not 0 <= number < len(self.edges)
         ):
             raise SolidError(
                 f"an edge must be one of the solid's, 0..{len(self.edges) - 1}. Got {edge_id!r}."
             )
-        return self.edges[edge_id]
+        return self.edges[number]
 
     @classmethod
     def read(cls, path: str | PathLike[str], **reading: Any) -> Solid:
@@ -725,13 +730,29 @@ def _vertex_pairs(label: str, pairs: Iterable[tuple[int, int]], n: int) -> np.nd
     return np.array(listed, dtype=np.int64).reshape(-1, 2)
 
 
-def check_solid(solid: object) -> None:
+def kind_text(value: object) -> str:
+    """Return a short value itself, of others the type: "'block.stp'", "3", "a Solid"."""
+    name = type(value).__name__
+    if value is not None and not isinstance(value, str | int | float):
+        return f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"
+    text = repr(value)
+    if len(text) <= _LONGEST:
+        return text
+    quote = text[0] if isinstance(value, str) else ""
+    return f"{text[: _LONGEST - 3 - len(quote)]}...{quote}"
+
+
+def check_solid(solid: object, exchanged: object = None, order: str = "") -> None:
     """Refuse what is no solid.
 
     Parameters
     ----------
     solid : object
         What was given.
+    exchanged : object
+        The argument that may have been exchanged with it.
+    order : str
+        The right order of the two.
 
     Raises
     ------
@@ -740,12 +761,10 @@ def check_solid(solid: object) -> None:
     """
     if isinstance(solid, Solid):
         return
-    name = type(solid).__name__
-    got = f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"
-    if solid is None or isinstance(solid, str):
-        got = repr(solid)[:_LONGEST]
     hint = "read_solid reads one from a file"
-    raise SolidError.of_rule("solid", "must be a Solid", got, hint=hint)
+    if isinstance(exchanged, Solid):
+        hint = f"the order of the arguments is {order}"
+    raise SolidError.of_rule("solid", "must be a Solid", kind_text(solid), hint=hint)
 
 
 def _check_least(name: str, value: Any) -> None:

@@ -26,7 +26,7 @@ from aspectgraph.entities.entity import Entity, Stretch, resolve_entities
 from aspectgraph.exact.grid import Grid, as_points
 from aspectgraph.exceptions import EntityError, WorkspaceError
 from aspectgraph.files import code_digest
-from aspectgraph.solid.solid import Solid, check_solid
+from aspectgraph.solid.solid import Solid, check_solid, kind_text
 from aspectgraph.visibility.blocked_sets import blockers
 from aspectgraph.visibility.entity_region import (
     Region,
@@ -501,6 +501,25 @@ class VisibilityRegions:
                 f"{viewpoints[outside][0].tolist()} ({int(outside.sum())} outside)",
             )
         return self.grid.to_points(viewpoints)
+
+
+def check_regions(regions: object) -> None:
+    """Refuse what is no `VisibilityRegions`.
+
+    Parameters
+    ----------
+    regions : object
+        What was given.
+
+    Raises
+    ------
+    EntityError
+        If they are none.
+    """
+    if not isinstance(regions, VisibilityRegions):
+        rule = "must be VisibilityRegions"
+        hint = "compute_regions makes them"
+        raise EntityError.of_rule("regions", rule, kind_text(regions), hint=hint)
 
 
 def check_workspace(workspace: ArrayLike | None, solid: Solid) -> np.ndarray:

@@ -348,9 +348,10 @@ def opencv_fields(
         or k[1, 0]
         or (k[2] != [0.0, 0.0, 1.0]).any()
     ):
-        raise CameraError.of_rule(
-            "matrix", "must be [[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]]", shown(matrix)
-        )
+        rule = "must be [[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]]"
+        got = shown(k.tolist() if k.size else matrix)
+        turned = k.shape == (3, 3) and (k[:, 2] == [0.0, 0.0, 1.0]).all()
+        raise CameraError.of_rule("matrix", rule, got, hint="transpose it" if turned else "")
     scale_x = check_positive("f_x", k[0, 0])
     scale_y = check_positive("f_y", k[1, 1])
     for name in _NEEDED:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.convert import Meta, Shape, to_plain
-from planner.argument_kinds import NOT_NEGATIVE, shown, takes_names
+from planner.argument_kinds import NOT_NEGATIVE, kind_shown, shown, takes_names
 from planner.exceptions import RequestError, UncertaintyError
 from planner.plan_file import Pose
 
@@ -263,19 +263,12 @@ def checked_poses(poses: Any) -> tuple[GivenPose, ...]:
     poses : sequence of GivenPose, or array_like (n, 4, 4)
         An array gets the names pose_01, pose_02, and so on.
     """
-    items = list(poses)
-    if not items:
-        raise RequestError.of_rule("poses", "must hold at least one pose", "none")
-    if not all(isinstance(pose, GivenPose) for pose in items):
-        items = [
-            GivenPose(f"pose_{k:02d}", np.array(pose, dtype=np.float64))
-            for k, pose in enumerate(items, 1)
-        ]
+    items = _named_poses(poses)
     names = [pose.name for pose in items]
     for pose in items:
         if pose.cam2world.shape != (4, 4):
             rule = "must have the shape (n, 4, 4)"
-            raise RequestError.of_rule("poses", rule, f"{pose.cam2world.shape} in one")
+            raise RequestError.of_rule("poses", rule, f"{pose.cam2world.shape} for {pose.name!r}")
         turn = pose.cam2world[:3, :3]
         off = np.abs(turn @ turn.T - np.eye(3)).max()
         if not (np.isfinite(pose.cam2world).all() and off < _OFF_RIGID and np.linalg.det(turn) > 0):
@@ -289,6 +282,29 @@ def checked_poses(poses: Any) -> tuple[GivenPose, ...]:
         if names.count(pose.name) > 1:
             raise RequestError.of_rule("poses", "must have different names", f"{pose.name!r} twice")
     return tuple(items)
+
+
+def _named_poses(poses: Any) -> list[GivenPose]:
+    """Return poses with their names, not checked."""
+    if isinstance(poses, str) or not isinstance(poses, Iterable):
+        rule = "must be a list of GivenPose or an array (n, 4, 4)"
+        raise RequestError.of_rule("poses", rule, kind_shown(poses))
+    items = list(poses)
+    if not items:
+        raise RequestError.of_rule("poses", "must hold at least one pose", "none")
+    if all(isinstance(pose, GivenPose) for pose in items):
+        return items
+    try:
+        arrays = [np.array(pose, dtype=np.float64) for pose in items]
+    except (TypeError, ValueError):
+        rule = "must all be GivenPose, or arrays of numbers"
+        raise RequestError.of_rule("poses", rule, shown(poses)) from None
+    if arrays[0].ndim == 1:
+        # rows, so that this is a pose and not a list of poses
+        hint = "an array of one pose has the shape (1, 4, 4)"
+        shape = f"({len(arrays)}, {len(arrays[0])})"
+        raise RequestError.of_rule("poses", "must have the shape (n, 4, 4)", shape, hint=hint)
+    return [GivenPose(f"pose_{k:02d}", array) for k, array in enumerate(arrays, 1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -360,6 +376,12 @@ class PoseUncertainty:
         for name, value in (("translation_mm", translation_mm), ("rotation_rad", rotation_rad)):
             if not NOT_NEGATIVE.accepts(value):
                 raise UncertaintyError.of_rule(name, NOT_NEGATIVE.text, shown(value))
+        if translation_mm > MAX_SIGMA_MM:
+            rule = f"must have standard deviations of at most {MAX_SIGMA_MM:g} mm"
+            hint = f"{translation_mm:g} µm are {translation_mm / 1000:g} mm"
+            raise UncertaintyError.of_rule(
+                "translation_mm", rule, f"{translation_mm:g} mm", hint=hint
+            )
         sigmas = np.repeat([translation_mm, rotation_rad], 3).astype(float)
         if rotation_rad > PLAIN_SIGMA_RAD:
             rule = f"must be at most {PLAIN_SIGMA_RAD} rad, or be stated by the covariance"

@@ -18,7 +18,7 @@ from errors.measurands.split import End, can_be_split, end_groups
 from ground.blas import with_one_thread
 from ground.faces import project_version
 from ground.short_repr import short_repr
-from planner.argument_kinds import check_kinds
+from planner.argument_kinds import ABOVE_0_TO_1, check_kinds, check_number
 from planner.camera.calibration import check_white_level
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty, world_to_cam
@@ -313,8 +313,7 @@ class MeasureOptions:
             object.__setattr__(self, "edge_break_mm", checked_break(self.edge_break_mm))
         if self.white_level is not None:
             object.__setattr__(self, "white_level", check_white_level(self.white_level))
-        if not 0 < self.coverage <= 1:
-            raise RequestError.of_rule("coverage", "must be in (0, 1]", repr(self.coverage))
+        check_number("coverage", self.coverage, ABOVE_0_TO_1)
 
 
 def _unregistered(shot: Shot, why: str, advice: str) -> list[Reading]:

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Annotated, Any
 
 from ground.convert import Meta
@@ -18,6 +19,7 @@ from planner.argument_kinds import (
     check_count,
     check_fraction,
     check_number,
+    kind_shown,
     shown,
     with_article,
 )
@@ -711,6 +713,8 @@ class Dimension:
     ) -> Dimension:
         """Return what has a place in a frame of datums."""
         check_number("zone_mm", zone_mm, _POSITIVE)
+        _check_entities("datums", datums)
+        _check_entities("pattern", pattern)
         items = [first] if kind not in _WIDTHS else list(first)
         groups = tuple(len(datum) if _is_several(datum) else 1 for datum in datums)
         entities = list(items)
@@ -853,6 +857,14 @@ class Dimension:
         return error
 
 
+def _check_entities(name: str, entities: object) -> None:
+    """Raise `RequestError` for one entity where a list of them is needed."""
+    if isinstance(entities, str) or not hasattr(entities, "__len__"):
+        hint = f"write [{entities!r}] for one" if isinstance(entities, str | int) else ""
+        got = kind_shown(entities)
+        raise RequestError.of_rule(name, "must be a list of entities", got, hint=hint)
+
+
 def _is_several(target: Target) -> bool:
     """Return whether a target is several entities, and not the two end points of one edge."""
     if not isinstance(target, list | tuple) or not target:
@@ -891,9 +903,16 @@ def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
         names["tolerance"] = "tolerance_class"
     unknown = [name for name in requirement if name not in names]
     if unknown:
-        raise RequestError(
-            f"a requirement of a dimension must be one of {', '.join(names)}. Got {unknown[0]!r}."
-        )
+        words = list(names)
+        if unit == "mm" and "tolerance" not in names:
+            words.insert(1, "tolerance")
+        if unknown[0] in words:
+            rule = "must be a class such as 'H7'"
+            hint = f"deviations are {unknown[0]}_{unit}"
+            raise RequestError.of_rule(unknown[0], rule, shown(requirement[unknown[0]]), hint=hint)
+        rule = f"a requirement of a dimension must be one of {', '.join(words)}"
+        hint = _meant(unknown[0], unit, words)
+        raise RequestError.of_rule("", rule, repr(unknown[0]), hint=hint)
     for name, value in requirement.items():
         # named as here, with the unit
         if name == f"tolerance_{unit}" and isinstance(value, str):
@@ -904,6 +923,16 @@ def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
         if name == f"max_error_{unit}" and value is not None:
             check_number(name, value, _POSITIVE)
     return {names[name]: value for name, value in requirement.items()}
+
+
+def _meant(name: str, unit: str, words: Sequence[str]) -> str:
+    """Return a hint on the name of a requirement that is not known."""
+    for stem in ("tolerance", "max_error"):
+        if name == stem or name.startswith(f"{stem}_"):
+            return f"use {stem}_{unit}"
+    starting = [word for word in words if word.startswith(name)]
+    near = starting or get_close_matches(name, words)
+    return f"did you mean {near[0]}?" if near else ""
 
 
 def half_width(kind: str, tolerance: tuple[float, float]) -> float:

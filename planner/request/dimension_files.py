@@ -19,7 +19,14 @@ from aspectgraph.exceptions import MissingExtraError, how_to_install
 from errors.checks import check_not_negative
 from errors.exceptions import InvalidParameterError
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX, Localisation
-from planner.argument_kinds import POSITIVE, check_kinds, check_number, shown, with_article
+from planner.argument_kinds import (
+    POSITIVE,
+    check_kinds,
+    check_number,
+    kind_shown,
+    shown,
+    with_article,
+)
 from planner.exceptions import RequestError
 from planner.request.dimension import POSITION, POSITIONS, QUARTER, Dimension
 from planner.request.words import characteristic_name
@@ -607,7 +614,8 @@ def dimensions_to_plan(
     Raises
     ------
     RequestError
-        If a tolerance or the share breaks its rule, or an item is no requirement of a model.
+        If a tolerance or the share breaks its rule, or `stated` holds what is no requirement of a
+        model.
 
     Examples
     --------
@@ -623,6 +631,10 @@ def dimensions_to_plan(
     >>> [name for name in wanted if name.startswith("Linear Size.5")]
     ['Linear Size.5 [1 of 2]', 'Linear Size.5 [2 of 2]']
     """
+    if isinstance(stated, str) or not isinstance(stated, Iterable):
+        rule = "must be a list of ModelDimension"
+        hint = "read_dimensions returns one"
+        raise RequestError.of_rule("stated", rule, kind_shown(stated), hint=hint)
     omitted = [
         role
         for role, planned in (("reference", reference), ("basic", basic), ("position", positions))

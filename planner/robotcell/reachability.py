@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ground.short_repr import short_repr
+from ground.short_repr import LONGEST, count
 from planner.robotcell.arm import Robot
 from planner.robotcell.branches import SIX
 from planner.robotcell.collisions import Advance, Surroundings
@@ -408,7 +408,7 @@ def most_often(reasons: Sequence[str]) -> str:
     return min(counts, key=lambda text: (-counts[text], text)) if counts else ""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Reachability:
     """What a cell reaches of a plan.
 
@@ -433,7 +433,16 @@ class Reachability:
     settings: tuple[str, ...]
     poses: dict[str, tuple[PoseReach, ...]]
 
-    __repr__ = short_repr
+    def __repr__(self) -> str:
+        """Return a one-line summary: how many settings are reached in some fixturing, and in each."""
+        reached = self.reached
+        n_reached = int(reached.any(axis=1).sum())
+        text = f"{n_reached} of {len(self.settings)} settings reached"
+        counts = (f"{name}: {n}" for name, n in zip(self.poses, reached.sum(axis=0), strict=True))
+        line = f"<Reachability: {text} ({', '.join(counts)})>"
+        if len(line) <= LONGEST:
+            return line
+        return f"<Reachability: {text} ({count(len(self.poses), 'fixturing')})>"
 
     @property
     def reached(self) -> np.ndarray:

@@ -20,6 +20,7 @@ from ground.convert import (
     from_plain,
     to_plain,
 )
+from ground.short_repr import count
 from planner.argument_kinds import shown
 from planner.exceptions import PlanFileError
 from planner.files import read_json
@@ -495,11 +496,20 @@ class RobotProgram:
     def __repr__(self) -> str:
         """Return a one-line summary."""
         names = ", ".join(tour.fixturing for tour in self.tours)
+        fixturings = "fixturing" if len(self.tours) == 1 else "fixturings"
         missing = f", {len(self.unreached)} not reached" if self.unreached else ""
         return (
-            f"<RobotProgram of {self.part!r} for {self.robot!r}: {self.n_stops} settings{missing}, "
-            f"fixturings {names or 'none'}, moves {self.seconds:.1f} s>"
+            f"<RobotProgram of {self.part!r} for {self.robot!r}: {count(self.n_stops, 'setting')}{missing}, "
+            f"{fixturings} {names or 'none'}, moves {self.seconds:.1f} s>"
         )
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, RobotProgram):
+            return NotImplemented
+        # a file holds no plan, and the controller's axes follow from others
+        return self.to_dict() == other.to_dict()
+
+    __hash__ = None  # type: ignore[assignment]
 
     @property
     def n_stops(self) -> int:
@@ -638,7 +648,7 @@ def read_program(path: str | os.PathLike[str]) -> RobotProgram:
     Returns
     -------
     RobotProgram
-        Equal to the one written, without its ``plan``.
+        Equal to the one written; ``plan``, which is not compared, is None.
 
     Raises
     ------
@@ -655,7 +665,7 @@ def read_program(path: str | os.PathLike[str]) -> RobotProgram:
     >>> program = robot_program(plan, block, Cell.from_toml("examples/cell.toml"))
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     again = read_program(write_program(program, folder + "/program.json"))
-    >>> again.to_dict() == program.to_dict()
+    >>> again == program
     True
     """
     data = read_json(path, "program file")

@@ -16,6 +16,7 @@ from planner import (
     LampBox,
     LampDome,
     Lighting,
+    MeasureOptions,
     PoseUncertainty,
     Registration,
     RequestError,
@@ -285,3 +286,52 @@ def test_a_shortened_text_keeps_its_closing_quote():
         assert text.endswith("...'")
     assert len(kind_shown("x" * 90)) == 40
     assert not shown(list(range(90))).endswith("'")
+
+
+@pytest.mark.parametrize("coverage", ["80 %", "a", None, [0.8], True, 0, 1.2])
+def test_a_coverage_is_a_share(coverage):
+    for call in (
+        lambda: measure(example(), block(), {}, coverage=coverage),
+        lambda: MeasureOptions(Registration.none(), coverage=coverage),
+    ):
+        with pytest.raises(RequestError) as info:
+            call()
+        assert str(info.value) == f"coverage must be in (0, 1]. Got {coverage!r}."
+
+
+def test_an_array_is_shown_in_one_line():
+    assert shown(np.eye(2)) == "array([[1., 0.], [0., 1.]])"
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (
+            lambda: Dimension.distance(25, 27, tol=0.1),
+            "Got 'tol'; did you mean tolerance_mm?",
+        ),
+        (lambda: Dimension.distance(25, 27, accurcy=0.1), "Got 'accurcy'; did you mean accuracy?"),
+        (lambda: Dimension.distance(25, 27, zzz=0.1), "Got 'zzz'."),
+        (lambda: Dimension.angle(1, 2, tolerance_mm=0.1), "Got 'tolerance_mm'; use tolerance_deg."),
+        (lambda: Dimension.angle(1, 2, max_error=0.1), "Got 'max_error'; use max_error_deg."),
+        (lambda: Dimension.length(1, max_error_deg=0.1), "Got 'max_error_deg'; use max_error_mm."),
+    ],
+)
+def test_a_requirement_by_another_name_is_refused_with_the_right_one(call, told):
+    with pytest.raises(RequestError) as info:
+        call()
+    rule = "a requirement of a dimension must be one of tolerance_"
+    assert str(info.value).startswith(rule)
+    assert str(info.value).endswith(told)
+
+
+def test_the_names_of_requirements_hold_that_of_a_class():
+    with pytest.raises(RequestError, match="one of tolerance_mm, tolerance, max_error_mm, "):
+        Dimension.distance(25, 27, tol=0.1)
+    with pytest.raises(RequestError, match="one of tolerance_deg, max_error_deg, "):
+        Dimension.angle(1, 2, tol=0.1)
+    with pytest.raises(RequestError) as info:
+        Dimension.distance(25, 27, tolerance=(-0.1, 0.1))
+    assert str(info.value) == (
+        "tolerance must be a class such as 'H7'. Got (-0.1, 0.1); deviations are tolerance_mm."
+    )

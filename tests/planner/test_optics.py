@@ -200,3 +200,18 @@ def test_lights_show_only_what_is_read_as_in_a_plan():
     compared = {item.kind: item for item in compare_lights(plan, solid)}
     assert list(compared["lamps"].dark) == ["bore"]
     assert "5 px apart from other lines" in compared["lamps"].dark["bore"]
+
+
+@pytest.mark.parametrize(("given", "got"), [(3, "3"), ("x", "'x'"), ([3], "a list with 3")])
+def test_a_table_is_made_of_proposals(given, got):
+    with pytest.raises(RequestError) as info:
+        optics_table(given)
+    assert str(info.value) == (
+        f"proposals must be a list of OpticsProposal. Got {got}; propose_optics returns one."
+    )
+
+
+def test_a_table_of_no_proposal_is_its_heading():
+    heading, rule = optics_table([]).splitlines()
+    assert heading.startswith("body  lens  f/")
+    assert set(rule) == {"-"}

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from solids import prism, ring
+from solids import cube, prism, ring
 
-from aspectgraph import read_requirements, read_solid
+from aspectgraph import ReadError, SolidError, read_requirements, read_solid
 from aspectgraph.dimensions.datum_frames import DatumFrame, NotShownError, seats_of_hole
 from aspectgraph.dimensions.features import Axis, Sight
 from aspectgraph.read.step.geometric_tolerances import (
@@ -166,3 +167,32 @@ def test_a_datum_of_several_holes_is_shown_by_the_rims_beside_that_of_the_positi
     leaning = Axis(holes[1].point, np.array([1.0, 0.0, 0.0]), 2.0, holes[1].circles)
     with pytest.raises(NotShownError, match="the rim is inclined to datum B"):
         DatumFrame(sight, ["B"], {"B": [holes[0], leaning]}).show(seat)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (
+            (None, str(EXAMPLE)),
+            f"Got '{EXAMPLE}'; the order of the arguments is path, solid.",
+        ),
+        ((EXAMPLE, "x" * 80), f"Got '{'x' * 35}...'; read_solid reads one from a file."),
+    ],
+)
+def test_what_is_no_solid_is_refused_with_the_order_of_the_arguments(given, message):
+    path, solid = given
+    with pytest.raises(SolidError) as info:
+        read_requirements(cube() if path is None else path, solid)
+    assert str(info.value) == f"solid must be a Solid. {message}"
+
+
+def test_what_is_no_path_has_no_requirements():
+    with pytest.raises(ReadError, match=r"^path must be a path\. Got 3\.$"):
+        read_requirements(3, cube())
+
+
+def test_a_summary_counts_requirements():
+    whole = read_requirements(EXAMPLE, read_solid(EXAMPLE))
+    one = replace(whole, dimensions=whole.dimensions[:1], tolerances=())
+    assert repr(one) == "<ModelRequirements: 1 dimension, 0 geometric tolerances, 1 measurable>"
+    assert one._notebook_view().title == "1 requirement, 1 measurable"

@@ -286,8 +286,18 @@ def test_missing_component_of_a_vector_is_refused(tmp_path):
 
 
 def test_missing_file_is_reported_as_such(tmp_path):
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(FileNotFoundError) as info:
         read_graphml(tmp_path / "none.graphml")
+    assert isinstance(info.value, GraphMLError)
+    assert str(info.value).startswith("path must name an existing GraphML file. Got '")
+    assert str(info.value).endswith("none.graphml'.")
+
+
+def test_what_is_no_graph_file_is_refused(tmp_path):
+    with pytest.raises(GraphMLError, match=r"^path must be a path\. Got None\.$"):
+        read_graphml(None)
+    with pytest.raises(GraphMLError, match=r"^path must name a GraphML file\. Got the folder '"):
+        read_graphml(tmp_path)
 
 
 def test_a_folder_is_not_made(tmp_path):

@@ -631,3 +631,13 @@ def _same_domain(one, other):
     return sorted(one["observable"]) == other["observable"] and one["volume"] == pytest.approx(
         other["volume"], rel=1e-9
     )
+
+
+@pytest.mark.parametrize("call", [graph_of, estimate_graph])
+def test_what_are_no_regions_is_refused(call):
+    with pytest.raises(AspectGraphError) as info:
+        call(l_block())
+    assert info.value.parameter == "regions"
+    assert str(info.value) == (
+        "regions must be VisibilityRegions. Got a Solid; compute_regions makes them."
+    )

@@ -7,7 +7,7 @@ from exact_checker import ExactChecker
 from generated_solids import CUBE, L_BLOCK, prism, pyramid, rotation
 from solids import STEP_ENTITIES
 
-from aspectgraph.exceptions import WorkspaceError
+from aspectgraph.exceptions import SolidError, WorkspaceError
 from aspectgraph.graph.aspect_graph import read_graphml, write_graphml
 from aspectgraph.graph.build_graph import (
     Drawing,
@@ -151,3 +151,9 @@ def test_graph_can_be_written(l_block, tmp_path):
 def test_workspace_must_contain_the_part():
     with pytest.raises(WorkspaceError, match="workspace"):
         complete_aspect_graph(solid_of(CUBE), ((1, 1, 1), (9, 9, 9)))
+
+
+@pytest.mark.uncompiled
+def test_what_is_no_solid_is_refused():
+    with pytest.raises(SolidError, match=r"^solid must be a Solid\. Got 'x'; read_solid reads"):
+        complete_aspect_graph("x")

@@ -13,6 +13,7 @@ from aspectgraph import (
     MissingExtraError,
     OutputError,
     PictureError,
+    SolidError,
     edge_figure,
     write_edge_picture,
 )
@@ -235,3 +236,29 @@ def test_leaders_to_the_frame_do_not_cross():
     assert len({tuple(place) for place in found.values()}) == 60
     leaders = [(spots[n].middle, place) for n, place in found.items()]
     assert not any(crossing(*one, *other) for i, one in enumerate(leaders) for other in leaders[:i])
+
+
+@pytest.mark.parametrize(
+    ("draw", "message"),
+    [
+        (lambda path: edge_figure(3), "Got 3; read_solid reads one from a file."),
+        (
+            lambda path: write_edge_picture("x.html", cube()),
+            "Got 'x.html'; the order of the arguments is solid, path.",
+        ),
+        (
+            lambda path: write_edge_picture(None, path),
+            "Got None; read_solid reads one from a file.",
+        ),
+    ],
+)
+def test_what_is_no_solid_is_refused(draw, message, tmp_path):
+    with pytest.raises(SolidError) as info:
+        draw(tmp_path / "edges.html")
+    assert str(info.value) == f"solid must be a Solid. {message}"
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_is_no_path_is_refused():
+    with pytest.raises(PictureError, match=r"^path must be a path\. Got 3\.$"):
+        write_edge_picture(cube(), 3)

@@ -21,6 +21,7 @@ from solids import (
 )
 
 from aspectgraph import (
+    EntityError,
     MissingExtraError,
     WorkspaceError,
     build_aspect_graph,
@@ -322,3 +323,21 @@ def test_bad_sections_are_refused(slotted):
         plot_section(slotted, box=[0, 1])
     with pytest.raises(WorkspaceError, match=r"at must be in the workspace.* Got 1e\+06"):
         plot_section(slotted, at=1e6)
+
+
+@pytest.mark.parametrize(
+    ("draw", "kinds", "makers"),
+    [
+        (plot_graph, "an EntityAspectGraph or a networkx.Graph", "and read_graphml make one"),
+        (plot_section, "an EntityAspectGraph", "makes one"),
+    ],
+)
+def test_what_is_no_graph_is_refused(draw, kinds, makers):
+    with pytest.raises(EntityError) as info:
+        draw(cube())
+    assert str(info.value) == f"eag must be {kinds}. Got a Solid; build_aspect_graph {makers}."
+
+
+def test_a_section_needs_the_part():
+    with pytest.raises(EntityError, match=r"^eag must be an EntityAspectGraph\. Got a Graph;"):
+        plot_section(nx.path_graph(2))

@@ -20,6 +20,8 @@ from solids import (
 
 from aspectgraph import (
     AspectGraphError,
+    EntityError,
+    SolidError,
     WorkspaceError,
     build_aspect_graph,
     build_light_graph,
@@ -298,3 +300,18 @@ def test_the_first_view_faces_the_entities():
     # both pockets open towards +x and +y
     assert x > 0
     assert y > 0
+
+
+def test_what_is_no_graph_has_no_domains():
+    with pytest.raises(EntityError, match=r"^eag must be an EntityAspectGraph\. Got a Solid;"):
+        plot_domains(cube())
+
+
+@pytest.mark.parametrize(("part", "got"), [("x", "'x'"), (3, "3"), ([], "a list")])
+def test_what_is_no_part_is_refused(part, got):
+    with pytest.raises(SolidError) as info:
+        plot_solid(part)
+    assert str(info.value) == (
+        "part must be a Solid, an EntityAspectGraph or VisibilityRegions. "
+        f"Got {got}; read_solid reads a Solid from a file."
+    )

@@ -390,6 +390,8 @@ def test_parameters_that_do_not_apply(tmp_path):
     with pytest.raises(PartFileNotFoundError, match="existing part file") as caught:
         read_solid(tmp_path / "missing.stl")
     assert isinstance(caught.value, FileNotFoundError)
+    with pytest.raises(PartFileNotFoundError, match=r"existing part file\. Got the folder '"):
+        read_solid(tmp_path)
     with pytest.raises(ReadError, match=r"units must be one of mm.* Got 'parsec'"):
         read(tmp_path, "part.stl", data, units="parsec")
     with pytest.raises(ReadError, match="solids applies to STEP files"):
@@ -400,6 +402,16 @@ def test_parameters_that_do_not_apply(tmp_path):
         read(tmp_path, "part.stl", data, chord_tolerance_mm=float("nan"))
     with pytest.raises(ReadError, match=r"angular_tolerance_deg must be in \(0, 90\]"):
         read(tmp_path, "part.stl", data, angular_tolerance_deg=120)
+
+
+@pytest.mark.parametrize("name", ["chord_tolerance_mm", "planarity_mm", "gap_mm"])
+@pytest.mark.parametrize(("value", "got"), [("0.1", "'0.1'"), ([1], "a list"), (True, "True")])
+def test_a_tolerance_is_a_number(tmp_path, name, value, got):
+    with pytest.raises(ReadError) as info:
+        read(tmp_path, "part.stl", stl_bytes(CUBE), **{name: value})
+    assert str(info.value) == f"{name} must be positive and finite. Got {got}."
+    with pytest.raises(ReadError, match=r"^angular_tolerance_deg must be in \(0, 90\]\. Got '30'"):
+        read(tmp_path, "part.stl", stl_bytes(CUBE), angular_tolerance_deg="30")
 
 
 def test_all_polygons_of_a_file_are_cut_together(tmp_path, monkeypatch):

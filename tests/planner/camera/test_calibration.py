@@ -357,3 +357,12 @@ def test_odd_uncertainties():
         PoseUncertainty.from_dict({})
     assert good != "an uncertainty"
     assert good == PoseUncertainty.from_dict(good.to_dict())
+
+
+def test_a_matrix_that_is_none_is_shown_in_one_line():
+    with pytest.raises(CameraError) as info:
+        Camera.from_opencv(K.T, None, SIZE, **LENS)
+    assert info.value.got == "[[2320.0, 0.0, 0.0], [0.0, 2326.0, 0.0], [1251.5, 1009.0, 1.0]]"
+    assert str(info.value).endswith("; transpose it.")
+    with pytest.raises(CameraError, match=r"^matrix must be .* Got 'x'\.$"):
+        Camera.from_opencv("x", None, SIZE, **LENS)

@@ -252,3 +252,13 @@ def test_a_pose_between_two_has_its_part_of_the_way_and_of_the_turn(part):
         assert between[:3, 3] == pytest.approx((1 - part) * ends[0, :3, 3] + part * ends[1, :3, 3])
     same = np.eye(4)
     assert np.array_equal(pose_between(same, same, part), same)
+
+
+def test_a_translation_in_other_units_is_refused_by_its_name():
+    with pytest.raises(UncertaintyError) as info:
+        PoseUncertainty.isotropic(translation_mm=500, rotation_rad=0.001)
+    assert str(info.value) == (
+        "translation_mm must have standard deviations of at most 100 mm. "
+        "Got 500 mm; 500 µm are 0.5 mm."
+    )
+    assert PoseUncertainty.isotropic(translation_mm=100, rotation_rad=0.001).sigmas[0] == 100.0

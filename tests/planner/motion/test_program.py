@@ -2,6 +2,7 @@
 
 import copy
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -119,6 +120,9 @@ def record():
 def test_a_program_comes_back_from_its_file(tmp_path):
     path = write_program(program(), tmp_path / "program.json")
     again = read_program(path)
+    assert again == program()
+    assert again != replace(again, speed=again.speed / 2)
+    assert again != again.to_dict()
     assert again.to_dict() == program().to_dict()
     assert program_text(again, "rapid") == program_text(program(), "rapid")
     assert program_text(again, "urscript") == program_text(program(), "urscript")
@@ -198,3 +202,10 @@ def test_an_error_names_the_file(tmp_path):
     path.write_text("[", "utf-8")
     with pytest.raises(PlanFileError, match="program file must be JSON"):
         read_program(path)
+
+
+def test_a_summary_counts_settings_and_fixturings():
+    whole = program()
+    assert f": {whole.n_stops} settings, fixturings " in repr(whole)
+    tour = replace(whole.tours[0], stops=whole.tours[0].stops[:1])
+    assert f": 1 setting, fixturing {tour.fixturing}, " in repr(replace(whole, tours=(tour,)))

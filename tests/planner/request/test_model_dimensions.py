@@ -319,3 +319,15 @@ def test_the_file_holds_them(patterns, tmp_path):
     stored = json.loads(path.read_text())
     assert stored["targets"]["top front"]["n_features"] == 30
     assert read_plan(path) == patterns
+
+
+@pytest.mark.parametrize(
+    ("stated", "got"), [("part.step", "'part.step'"), (5, "5"), (None, "None")]
+)
+def test_what_is_no_list_of_dimensions_is_refused(stated, got):
+    with pytest.raises(RequestError) as info:
+        dimensions_to_plan(stated)
+    assert info.value.parameter == "stated"
+    assert str(info.value) == (
+        f"stated must be a list of ModelDimension. Got {got}; read_dimensions returns one."
+    )

@@ -196,3 +196,18 @@ def test_several_rims_are_a_pattern_as_the_datum(tmp_path):
     assert (items["pin"].entities, items["pin"].groups) == (("r9", 17, "r12", "r14"), (1, 2))
     ends = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
     assert Dimension.position("r9", [ends, 17], 0.2).groups == ()
+
+
+@pytest.mark.parametrize(
+    ("datums", "pattern", "message"),
+    [
+        (3, (), "datums must be a list of entities. Got 3; write [3] for one."),
+        ("r1", (), "datums must be a list of entities. Got 'r1'; write ['r1'] for one."),
+        (None, (), "datums must be a list of entities. Got None."),
+        ([3], "r2", "pattern must be a list of entities. Got 'r2'; write ['r2'] for one."),
+    ],
+)
+def test_one_entity_is_no_list_of_them(datums, pattern, message):
+    with pytest.raises(RequestError) as info:
+        Dimension.position("r0", datums, 0.2, pattern=pattern)
+    assert str(info.value) == message

@@ -49,6 +49,7 @@ def test_each_setting_says_how_it_is_reached_or_why_not(block):
     assert told.settings == ("setting_01", "setting_02", "setting_03")
     np.testing.assert_array_equal(told.reached, [[True, False], [False, True], [True, False]])
     assert told.complete
+    assert repr(told) == "<Reachability: 3 of 3 settings reached (up: 2, turned over: 1)>"
     rows = told.rows()
     joints = [float(word) for word in rows[0][1].split()]
     placed = cell.cam2world(np.radians([joints]), "up")[0]
@@ -62,6 +63,7 @@ def test_each_setting_says_how_it_is_reached_or_why_not(block):
 def test_one_fixturing_is_not_complete(block):
     told = made_cell().reachability(PLAN, block)
     assert not told.complete
+    assert repr(told) == "<Reachability: 2 of 3 settings reached (up: 2)>"
     assert told.most_in_the_way("up") == told.poses["up"][1].why
 
 
@@ -185,3 +187,9 @@ def test_a_table_may_stay_as_deep_in_the_floor_as_it_is(block):
 def test_ranges_that_are_none(block, ranges, message):
     with pytest.raises(RobotError, match=message):
         propose_placements(PLAN, block, made_cell(), **ranges)
+
+
+def test_many_fixturings_are_counted_in_the_summary():
+    missed = PoseReach(np.zeros((0, 6)), "too far")
+    told = Reachability(("setting_01",), {f"fixturing number {k}": (missed,) for k in range(9)})
+    assert repr(told) == "<Reachability: 0 of 1 settings reached (9 fixturings)>"

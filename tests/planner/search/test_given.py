@@ -144,7 +144,14 @@ def test_the_plan_comes_back_from_its_file_with_the_poses(plan, tmp_path):
     ("poses", "message"),
     [
         ([], "poses must hold at least one pose"),
-        (np.zeros((1, 3, 4)), r"poses must have the shape \(n, 4, 4\)"),
+        (
+            np.zeros((1, 3, 4)),
+            r"poses must have the shape \(n, 4, 4\)\. Got \(3, 4\) for 'pose_01'",
+        ),
+        (np.eye(4)[:3], r"\(n, 4, 4\)\. Got \(3, 4\); an array of one pose has .* \(1, 4, 4\)\.$"),
+        (np.eye(4).tolist(), r"\(n, 4, 4\)\. Got \(4, 4\); an array of one pose has "),
+        (5, r"poses must be a list of GivenPose or an array \(n, 4, 4\)\. Got 5\."),
+        (["x"], r"poses must all be GivenPose, or arrays of numbers\. Got \['x'\]"),
         ([2 * np.eye(4)], "poses must be rigid"),
         (
             [np.eye(4) + np.outer(np.eye(4)[3], [0, 0, 300, 0])],
