@@ -26,6 +26,7 @@ from planner.camera.camera import camera_parts
 from planner.inspection import with_light
 from planner.optics import DISTANCES_MM
 from planner.options import InspectionOptions
+from planner.sensor_setting import ReasonKind
 
 BLOCK = read_solid("examples/two_pocket_block.off")
 SIGMA = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
@@ -196,7 +197,7 @@ def test_lights_show_only_what_is_read_as_in_a_plan():
     dome = LampDome((40.0, 25.0, 20.0), 300.0)
     assert plan_light(plan, solid, dome).complete
     planned = with_light(plan, solid, Lighting(dome))
-    assert list(planned.unlit) == ["bore"]
+    assert planned.uninspectable["bore"].kind is ReasonKind.NOT_SHOWN
     compared = {item.kind: item for item in compare_lights(plan, solid)}
     assert list(compared["lamps"].dark) == ["bore"]
     assert "5 px apart from other lines" in compared["lamps"].dark["bore"]
