@@ -261,7 +261,7 @@ class FileSolids(NamedTuple):
 
 # characters of a wrong argument that an error repeats
 _LONGEST = 40
-_EDGE_TEXT = re.compile(r"e?\d{1,300}", re.ASCII)
+_EDGE_TEXT = re.compile(r"e\d{1,300}", re.ASCII)
 
 
 class Solid(ShownInNotebook):

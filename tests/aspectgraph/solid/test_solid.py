@@ -570,7 +570,7 @@ def test_what_is_blocked_is_hit_on_the_way():
         assert np.array_equal(scene.blocked(start, towards, share)[sure], (hit < share)[sure])
 
 
-@pytest.mark.parametrize("edge_id", ["5", "e5", "e05", np.int64(5)])
+@pytest.mark.parametrize("edge_id", ["e5", "e05", np.int64(5)])
 def test_an_edge_is_known_by_its_text_too(edge_id):
     solid = cube()
     assert np.array_equal(solid.edge_points(edge_id), solid.edge_points(5))
@@ -578,7 +578,7 @@ def test_an_edge_is_known_by_its_text_too(edge_id):
     assert solid.edge_ends(edge_id) == solid.edge_ends(5)
 
 
-@pytest.mark.parametrize("edge_id", ["e12", "e-1", "r0", "", "5.0", True, None])
+@pytest.mark.parametrize("edge_id", ["e12", "e-1", "r0", "", "5", "5.0", True, None])
 def test_what_names_no_edge_is_refused(edge_id):
     with pytest.raises(SolidError, match=re.escape(f"0..11. Got {edge_id!r}.")):
         cube().edge_points(edge_id)

@@ -57,7 +57,10 @@ def test_the_permitted_error_is_a_share_of_the_tolerance_an_error_or_a_share_of_
             lambda: Dimension.diameter("r3", tolerance="H7", tolerance_mm=(-1, 1)),
             "one of tolerance, max_error and accuracy. Got tolerance, tolerance_class",
         ),
-        (lambda: Dimension.diameter("r3", tolerance=(-1, 1)), "Got 'tolerance'"),
+        (
+            lambda: Dimension.diameter("r3", tolerance=(-1, 1)),
+            r"^tolerance must be a class such as 'H7'. Got \(-1, 1\); deviations are tolerance_mm.$",
+        ),
         (
             lambda: Dimension.distance(25, 27, tolerance_mm=0.1),
             r"^tolerance_mm must be two numbers.* Got 0.1; write \[-0.1, 0.1\] for ±0.1.$",
