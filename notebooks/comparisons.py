@@ -317,6 +317,8 @@ plt.show()
 
 # %%
 anytime = grouped(load("anytime.csv"), "part")
+# the first one is plan_inspection
+RIVALS = list(dict.fromkeys(r["planner"] for r in load("anytime.csv")))[1:]
 print(
     f"{'':<14}{'greedy cover':>24}{'supported':>11}{'as many':>24}{'in no more settings':>24}{'in the end':>24}",
     end="",
@@ -367,7 +369,11 @@ for ax, ((part,), runs) in zip(axes.flat, anytime.items(), strict=False):
         times[whole], column(ours, "settings")[whole], "C0-", where="post", label="plan_inspection"
     )
     ax.step(times, column(ours, "bound"), "k:", where="post", lw=1, label="at least (proven)")
-    for k, r in enumerate(r for r in runs if r["planner"] != "plan_inspection"):
+    # not every rival ran on every request
+    for r in runs:
+        if r["planner"] not in RIVALS:
+            continue
+        k = RIVALS.index(r["planner"])
         x, y, seen = float(r["seconds"]), int(r["settings"]), int(r["supported"])
         if seen:
             ax.plot(
