@@ -307,7 +307,10 @@ class InspectionPlan(PlanTables):
 
     @property
     def unlit(self) -> tuple[str, ...]:
-        """Targets that poses inspect, but that no lamp shows in any setting; none without planned light."""
+        """Targets that poses inspect, but that no lamp shows in any setting; none without planned light.
+
+        `plan_inspection` lists them in ``uninspectable``, so only a plan that was given other lamps has some.
+        """
         if self.light is None:
             return ()
         lit = {

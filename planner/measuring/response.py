@@ -898,7 +898,7 @@ def _measured_curve(
         power = power._replace(sd=_TIMES_UNCLEAR * max(power.sd, abs(power.excess)))
         straight = _believed(plain, power, bool(but))
         note = (
-            f"{but}edges are not symmetric, because of gamma, of uneven light or because they are broken: "
+            f"{but}edges are not symmetric, because of gamma, uneven light or breaks: "
             f"U allows for a gamma off by {min(power.sd, MOST_SD):.1g}; state response"
         )
         return replace(straight, note=note, is_changed=bool(but))

@@ -228,7 +228,7 @@ def brief_edges_text(plan: InspectionPlan) -> str:
     whole = unstated_edges_text(plan)
     if not whole and not text and plan.request.edge_break_mm is None and _measures_lengths(plan):
         assumed = f"'measure' assumes breaks of up to {EdgeState().high_mm:g} mm"
-        return f"planned as sharp; {assumed}, so its U of lengths will be larger. State its --edges"
+        return f"planned as sharp; {assumed}, so its U of lengths will be larger. State --edges to 'measure'"
     if not whole:
         return text
     brief = whole.partition(". ")[0]

@@ -151,7 +151,7 @@ def plan_of_given(run: SearchRun, lighting: Lighting | None = None) -> Inspectio
     places = lamp_places(lighting, lit)
     shown = shown_by_lamps(run, lighting, lit, columns.settings, places)
     seen = np.array([np.isin(run.names, sorted(names)) for names in shown])
-    # what no lamp shows anywhere is measured all the same
+    # a cover has all targets; those that no lamp shows anywhere are left out of the plan afterwards
     seen[:, ~(seen & columns.membership).any(axis=0)] = True
     others, proven = columns.cover(seen)
     other = _lit(run, lighting, _assembled(run, columns, others, proven))

@@ -982,7 +982,7 @@ def shown_by_lamps(
 def _chosen_among(
     run: SearchRun, plan: InspectionPlan, others: Sequence[SensorSetting]
 ) -> list[SensorSetting]:
-    """Return the fewest settings, of a plan and others, that show what any of them shows; the rest stays measured."""
+    """Return the fewest settings, of a plan and others, that show what any of them shows; the rest stays for now."""
     assert plan.light is not None
     dark = plan.unlit
     shown = {name for setting in others for name in setting.entities} | {

@@ -439,6 +439,6 @@ def test_lengths_are_said_to_be_planned_as_sharp():
     """U of `measure` was up to five times that of the plan, as breaks of 0.05 mm may move both ends."""
     lengths = plan()
     text = "planned as sharp; 'measure' assumes breaks of up to 0.05 mm, so its U of lengths will be larger"
-    assert brief_edges_text(lengths) == f"{text}. State its --edges"
+    assert brief_edges_text(lengths) == f"{text}. State --edges to 'measure'"
     stated = replace(lengths, request=replace(lengths.request, edge_break_mm=(0.0, 0.0)))
     assert text not in brief_edges_text(stated)

@@ -547,7 +547,7 @@ def test_a_setting_does_not_measure_what_only_another_one_shows(monkeypatch):
         pose_setting, "setting_at", lambda _, pose, names, *args, **how: setting(pose[:3, 3], names)
     )
     run = SimpleNamespace(problem=None, names=["left", "right"])
-    # what nothing shows is measured where it was
+    # what nothing shows stays where it was, until the plan leaves it out
     assert [one.entities for one in module._chosen_among(run, two, [])] == [("right",), ("left",)]
 
 
