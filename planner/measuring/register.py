@@ -486,8 +486,10 @@ def _by_lit_edges(attempt: Attempt, start: SearchStart) -> Attempt:
     """Return what is found if edges that the light does not show are left out at first.
 
     Of two lines a few pixels apart, the dark one takes the step of the other for its own. Both then hold back the
-    surface that they share, which may have moved by as much.
+    surface that they share, which may have moved by as much. Without a lamp that fits, nothing is tried.
     """
+    if all(light is None for light in attempt.light):
+        return attempt
     dark = [
         np.zeros(len(out), dtype=np.bool_) if light is None else ~light.lit
         for light, out in zip(attempt.light, attempt.left_out, strict=True)
