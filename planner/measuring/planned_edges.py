@@ -139,7 +139,7 @@ def registered_problem(problem: Problem, how: RegistrationRecord | None) -> Prob
     how : RegistrationRecord or None
         How poses are known; None for no better than planned.
     """
-    problem = replace(problem, reads=reads_of(problem.space.solid, how, problem.targets))
+    problem = replace(problem, reads=reads_of(problem.space.solid, how))
     if how is None:
         return problem
     if how.method == OWN_EDGES:

@@ -44,6 +44,7 @@ from planner.measuring.register import signs_of
 from planner.measuring.registered import Faces, NumberOrNull, Registered, displaced
 from planner.measuring.samples import (
     ALONG_VARIANCE,
+    ARM_SHARE,
     POSE,
     STATE_TEXTS,
     PartEdge,
@@ -52,6 +53,9 @@ from planner.measuring.samples import (
     Scans,
     State,
     across_of,
+    ends_of,
+    ideal_images,
+    near_corner,
     pixels_of,
 )
 from planner.measuring.verdict import BESIDE_PX, Sampled, beside_shadows, stretches_of
@@ -932,13 +936,6 @@ def fits_after(
 # edge is seen across; corners are intersected in the image of a lens without distortion.
 
 
-LEAST_ANGLE_DEG = 20.0
-"""A corner is where another line leaves an edge at this angle at least, in the image."""
-ARM_SHARE = 0.5
-"""Share of the samples of such a line that must be found."""
-ARM_PX = 200.0
-"""Such a line is used up to this distance from the corner."""
-
 _LENGTH_STEP = 1e-4
 # mm and rad
 _UNKNOWN_STEPS = np.array([1e-3] * 3 + [1e-5] * 3 + [1e-3] * 6)
@@ -980,7 +977,7 @@ def read_length(
     length_scan = _scan(model, edge, picture, registered, (half_px, coverage, None), edge_state)
     scans = [length_scan]
     reasons = [length_scan.reason]
-    for end in _ends(edge):
+    for end in ends_of(edge):
         arm = _arm(model, edge, end, picture, registered, half_px, edge_state)
         reasons.append("" if arm else "no line that leaves a corner was found")
         scans += [arm] if arm else []
@@ -1027,12 +1024,6 @@ def read_length(
     )
 
 
-def _ends(edge: PartEdge) -> tuple[Array, Array]:
-    line = edge.geometry
-    assert isinstance(line, Line)
-    return line.p, line.q
-
-
 def _facing(edge: PartEdge, registered: Registered) -> Frame:
     """Return the plane through an edge that faces the camera."""
     line = edge.geometry
@@ -1054,10 +1045,7 @@ def _scan(
     half_px, coverage, near = how
     samples = entity_samples(model, [edge], registered, picture.camera, half_px)
     if near is not None and len(samples.edge):
-        pose = registered.cam2world
-        places = _images(samples.points, pose, picture.camera)
-        close = np.linalg.norm(places - _images(near[None], pose, picture.camera), axis=1) <= ARM_PX
-        samples = samples.chosen(close)
+        samples = near_corner(samples, near, registered.cam2world, picture.camera)
     return scan_entity(
         model,
         edge,
@@ -1083,33 +1071,13 @@ def _arm(
     """Return the line that leaves an end of an edge and is found best; None if there is none."""
     best = None
     share = 0.0
-    along = _image_way(edge, end, registered, picture.camera)
-    for other in model.leaving(edge, end):
-        way = _image_way(other, end, registered, picture.camera)
-        sine = abs(float(along[0] * way[1] - along[1] * way[0]))
-        if sine < math.sin(math.radians(LEAST_ANGLE_DEG)):
-            continue
+    for other, sine in model.arms(edge, end, registered.cam2world, picture.camera):
         scan = _scan(model, other, picture, registered, (half_px, ARM_SHARE, end), edge_state)
         worth = sine * scan.n_found
         if scan.fit is not None and worth > share:
             best = scan
             share = worth
     return best
-
-
-def _image_way(edge: PartEdge, end: Array, registered: Registered, camera: Camera) -> Array:
-    """Return the unit vector along an edge in the image, away from one of its ends."""
-    p, q = _ends(edge)
-    other = q if np.linalg.norm(p - end) < np.linalg.norm(q - end) else p
-    images = _images(np.array([end, end + 1e-3 * (other - end)]), registered.cam2world, camera)
-    way = images[1] - images[0]
-    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-12))
-
-
-def _images(points: Array, pose: Array, camera: Camera) -> Array:
-    """Return images (n, 2) in px of a lens without distortion."""
-    local = world_to_cam(points, pose)
-    return np.asarray((local / local[:, 2:] @ camera.matrix.T)[:, :2])
 
 
 def _corners(
@@ -1126,7 +1094,7 @@ def _corners(
         points = frame.origin + at[:, None] * frame.x + (offset + slope * at)[:, None] * frame.y
         # a line that deviates lies in the plane of its estimate
         lift = _lift(scan, frame)
-        images = _images(points + lift, registered.cam2world, camera)
+        images = ideal_images(points + lift, registered.cam2world, camera)
         lines.append(np.cross(np.append(images[0], 1.0), np.append(images[1], 1.0)))
     corners = [np.cross(lines[0], arm) for arm in lines[1:]]
     return np.array([corner[:2] / corner[2] for corner in corners])
@@ -1142,9 +1110,9 @@ def _planned_ends(
     model: PartModel, edge: PartEdge, registered: Registered, camera: Camera, move: Array
 ) -> Array:
     """Return the images of an edge's ends (2, 2) at the registered pose and surfaces, displaced by a move (12,)."""
-    ends = np.array(_ends(edge))
+    ends = np.array(ends_of(edge))
     places = registered.moved(model, edge, ends) + model.displacement(edge, ends) @ move[POSE:]
-    return _images(places, displaced(registered.cam2world, move[:POSE])[0], camera)
+    return ideal_images(places, displaced(registered.cam2world, move[:POSE])[0], camera)
 
 
 def _by_unknowns(
