@@ -28,19 +28,19 @@ from planner.camera.camera import Camera
 from planner.detectability.image_check import COVERAGE_SHARE, SECTORS
 from planner.light.area_light import AreaLight, EdgePoints, Sight, StandingLight
 from planner.light.light_plan import WHITE_SHARE
+from planner.measuring.corners import ARM_SHARE, LEAST_ANGLE_DEG, arms_of, ends_of, near_corner
 from planner.measuring.registered import Faces
 from planner.measuring.samples import (
     APART_PX,
-    ARM_SHARE,
-    LEAST_ANGLE_DEG,
+    PART_WORDS,
     EdgeTable,
     PartEdge,
     PartModel,
     Samples,
     ShownEdges,
     across_of,
-    ends_of,
-    near_corner,
+    numbers_of_parts,
+    parts_of,
     pixels_of,
 )
 from planner.measuring.verdict import Sampled
@@ -60,8 +60,8 @@ RESERVE = 0.08
 
 Shadows take more in images, and so does overexposure: of an image with 0.64 by count, 0.57 was found.
 """
-LEAST_OF_SECTOR = 0.4
-"""And this share of each of its twelfths."""
+LEAST_OF_PART = 0.4
+"""And this share of each of its twelfths, see `planner.measuring.samples.parts_of`."""
 LEAST_EDGE_STEP = 0.03
 """The same as `LEAST_STEP` of the edges that an image is registered to: some of them may be missed."""
 LEAST_REGISTERED = 0.6
@@ -200,6 +200,8 @@ class EntityLight:
         Whether nothing hides them and no other line is near.
     sides : _Sides or None
         None of an entity with too few samples.
+    n_parts : int
+        In how many parts of it something must be found.
     coverage : float
         Share of the samples that must be found.
     """
@@ -208,6 +210,7 @@ class EntityLight:
     share: Array
     usable: Bools
     sides: _Sides | None
+    n_parts: int = SECTORS
     coverage: float = COVERAGE_SHARE
 
     @cached_property
@@ -215,7 +218,7 @@ class EntityLight:
         """Why no lamp helps; empty if one may."""
         if self.sides is None:
             return f"the image of {self.name} is too short"
-        if not self.covers(self.usable[None], RESERVE, LEAST_OF_SECTOR)[0]:
+        if not self.covers(self.usable[None], RESERVE, LEAST_OF_PART)[0]:
             state = f"is visible and {APART_PX:.0f} px apart from other lines"
             return _too_little(self, self.usable, state)
         return ""
@@ -225,16 +228,14 @@ class EntityLight:
         if self.sides is None or self.reason:
             return np.zeros(len(lamps), dtype=np.bool_)
         is_found = self.sides.found(lamps) & self.usable
-        return self.covers(is_found, RESERVE, LEAST_OF_SECTOR)
+        return self.covers(is_found, RESERVE, LEAST_OF_PART)
 
-    def covers(self, found: Bools, reserve: float, least_of_sector: float) -> Bools:
+    def covers(self, found: Bools, reserve: float, least_of_part: float) -> Bools:
         """Tell of samples that are found (n, m) whether they are enough to be measured, with a reserve."""
-        low = self.share.min()
-        high = self.share.max()
-        sector = ((self.share - low) / max(high - low, 1e-12) * SECTORS).astype(int)
-        holds = np.minimum(sector, SECTORS - 1)[:, None] == np.arange(SECTORS)
+        part = numbers_of_parts(self.share, self.n_parts)
+        holds = part[:, None] == np.arange(self.n_parts)
         offered = holds.sum(axis=0)
-        needed = np.maximum(least_of_sector * offered, offered > 0)
+        needed = np.maximum(least_of_part * offered, offered > 0)
         enough = found.mean(axis=1) >= self.coverage + reserve
         return np.asarray(enough & (found.astype(int) @ holds >= needed).all(axis=1))
 
@@ -383,7 +384,7 @@ class LitEdges:
     ) -> list[tuple[PartEdge, Samples]]:
         """Return the lines of which one must be found at an end of a length, and their samples near it."""
         arms = []
-        for arm, _ in self.model.arms(edge, end, cam2world, camera):
+        for arm, _ in arms_of(self.model, edge, end, cam2world, camera):
             samples = self._samples(arm, cam2world, camera)
             arms.append((arm, near_corner(samples, end, cam2world, camera)))
         return arms
@@ -406,7 +407,8 @@ class LitEdges:
         if len(usable) >= _LEAST_SAMPLES:
             sampled = Sampled(self.model.edges.scene, camera, cam2world, [edge], samples)
             sides = _Sides.of(sampled, _BESIDE_PX, background)
-        return EntityLight(edge.name, samples.share, usable, sides, coverage)
+        n_parts = parts_of(len(every.share))
+        return EntityLight(edge.name, samples.share, usable, sides, n_parts, coverage)
 
     def unread(self, cam2world: Array, camera: Camera, target: Target, area: AreaLight) -> str:
         """Return why too little of a target is found under a light with an area; empty if enough is.
@@ -449,8 +451,9 @@ class LitEdges:
         if len(samples.share) < _LEAST_SAMPLES:
             return f"the image of {edge.name} is too short"
         lit = samples.visible & self._lit([edge], samples, cam2world, camera, light)
-        entity = EntityLight(edge.name, samples.share, lit, None, coverage)
-        if not entity.covers(lit[None], RESERVE, LEAST_OF_SECTOR)[0]:
+        n_parts = parts_of(len(every.share))
+        entity = EntityLight(edge.name, samples.share, lit, None, n_parts, coverage)
+        if not entity.covers(lit[None], RESERVE, LEAST_OF_PART)[0]:
             return _too_little(entity, lit, "is shown")
         pixels = pixels_of(samples.points, cam2world, camera)
         distance, _ = cKDTree(np.nan_to_num(pixels, nan=_FAR_PX)).query(shown.pixels)
@@ -461,7 +464,7 @@ class LitEdges:
         places = pixels_of(lines.points, cam2world, camera)
         others = ShownEdges(edges, lines, places, shown.contours)
         usable = lit & others.apart([edge], samples.edge, pixels)
-        if not entity.covers(usable[None], RESERVE, LEAST_OF_SECTOR)[0]:
+        if not entity.covers(usable[None], RESERVE, LEAST_OF_PART)[0]:
             state = f"shows {APART_PX:.0f} px apart from other lines"
             return _too_little(entity, usable, state)
         return ""
@@ -529,7 +532,7 @@ def _too_little(entity: EntityLight, usable: Bools, state: str) -> str:
     share = float(usable.mean())
     needed = entity.coverage + RESERVE
     if share >= needed:
-        return f"too little of a twelfth of {entity.name} {state}"
+        return f"too little of a {PART_WORDS[entity.n_parts - 2]} of {entity.name} {state}"
     percents = f"only {100 * share:.0f} %" if share >= 0.005 else "none"
     return f"{percents} of {entity.name} {state}, and {100 * needed:.0f} % must be"
 

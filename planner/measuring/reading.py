@@ -20,7 +20,6 @@ from errors.registration import rests_on_prior, variance_by_input
 from ground.convert import NOT_STORED, Key, Meta
 from planner.camera.camera import Camera, tangents_of
 from planner.camera.pose import world_to_cam
-from planner.detectability.image_check import SECTORS
 from planner.measuring.breaks import (
     Breaks,
     FoundPoints,
@@ -30,6 +29,7 @@ from planner.measuring.breaks import (
     lit_breaks,
     two_steps,
 )
+from planner.measuring.corners import ARM_SHARE, arms_of, ends_of, ideal_images, near_corner
 from planner.measuring.fit import (
     CORRELATION_PX,
     Fit,
@@ -44,7 +44,7 @@ from planner.measuring.register import signs_of
 from planner.measuring.registered import Faces, NumberOrNull, Registered, displaced
 from planner.measuring.samples import (
     ALONG_VARIANCE,
-    ARM_SHARE,
+    PART_WORDS,
     POSE,
     STATE_TEXTS,
     PartEdge,
@@ -53,9 +53,8 @@ from planner.measuring.samples import (
     Scans,
     State,
     across_of,
-    ends_of,
-    ideal_images,
-    near_corner,
+    numbers_of_parts,
+    parts_of,
     pixels_of,
 )
 from planner.measuring.verdict import BESIDE_PX, Sampled, beside_shadows, stretches_of
@@ -463,14 +462,11 @@ def _incomplete(edge: PartEdge, points: NDArray[np.void], coverage: float) -> st
             return f"{word} {edge.name} is {STATE_TEXTS[worst]}"
         main_reason = f"{100 * counts[worst] / len(points):.0f} % is {STATE_TEXTS[worst]}"
         return f"only {100 * share:.0f} % of {word} {edge.name} was found; {main_reason}"
-    low = points["share"].min()
-    high = points["share"].max()
-    sector = np.minimum(
-        ((points["share"] - low) / max(high - low, 1e-12) * SECTORS).astype(int), SECTORS - 1
-    )
-    missing = set(sector.tolist()) - set(sector[is_found].tolist())
+    n_parts = parts_of(len(points))
+    part = numbers_of_parts(points["share"], n_parts)
+    missing = set(part.tolist()) - set(part[is_found].tolist())
     if missing:
-        return f"a twelfth of {word} {edge.name} was not found"
+        return f"a {PART_WORDS[n_parts - 2]} of {word} {edge.name} was not found"
     return ""
 
 
@@ -1071,7 +1067,7 @@ def _arm(
     """Return the line that leaves an end of an edge and is found best; None if there is none."""
     best = None
     share = 0.0
-    for other, sine in model.arms(edge, end, registered.cam2world, picture.camera):
+    for other, sine in arms_of(model, edge, end, registered.cam2world, picture.camera):
         scan = _scan(model, other, picture, registered, (half_px, ARM_SHARE, end), edge_state)
         worth = sine * scan.n_found
         if scan.fit is not None and worth > share:

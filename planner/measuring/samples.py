@@ -21,6 +21,7 @@ from errors.measurands import Circle, Geometry, Line, Measurand
 from ground.decorators import njit
 from planner.camera.camera import Camera, image_of
 from planner.camera.pose import world_to_cam
+from planner.detectability.image_check import SECTORS
 from planner.exceptions import RequestError
 from planner.light.area_light import AreaLight, EdgePoints, Sight
 from planner.request.targets import Target
@@ -541,6 +542,18 @@ APART_PX = 5.0
 END_PX = 6.0
 """Samples of a straight edge begin this far from its ends in the image: other lines meet there."""
 
+LEAST_PART_PX = 12.0
+"""In each twelfth of an edge something must be found, or in each part of this length, where twelfths are shorter.
+
+Errors of points are alike over `planner.measuring.fit.CORRELATION_PX`. So a twelfth of a rim of 70 px is one or two
+independent points, which may be outliers, and these are three.
+"""
+PART_WORDS = (
+    *("half", "third", "quarter", "fifth", "sixth", "seventh"),
+    *("eighth", "ninth", "tenth", "eleventh", "twelfth"),
+)
+"""What one of two, three and up to twelve equal parts is called."""
+
 _OUTLINE = 65
 # of an outline: how far an edge may go beyond it
 _BEYOND = 0.01
@@ -750,7 +763,7 @@ class PartEdges:
         visible = in_image(pixels_of(points, cam2world, camera), camera, margin_px)
         chord = table.chord_mm[number[visible]]
         visible[visible] = self._visible(points[visible], normals[visible], chord, cam2world)
-        if self.area is not None:
+        if self.area is not None and visible.any():
             sight = Sight.of(self.solid, camera, self.scene)
             of_edges = EdgePoints(points[visible], tangents[visible], normals[visible])
             eye = np.asarray(cam2world)[None, :3, 3]
@@ -851,6 +864,17 @@ def circle_of(curve: Arc) -> Circle:
     start = np.cos(curve.start_rad) * x + np.sin(curve.start_rad) * y
     span = min(curve.end_rad - curve.start_rad, 2 * np.pi)
     return Circle(curve.centre, curve.axis, curve.radius_mm, start, span)
+
+
+def parts_of(n_samples: int) -> int:
+    """Return in how many parts of an edge with so many samples something must be found: 12, or fewer of a short one."""
+    return max(1, min(SECTORS, int(n_samples * STEP_PX / LEAST_PART_PX)))
+
+
+def numbers_of_parts(share: Array, n_parts: int) -> NDArray[np.int64]:
+    """Return in which of n equal parts of an edge its samples (m,) are, given where these are on it."""
+    along = (share - share.min()) / max(float(np.ptp(share)), 1e-12)
+    return np.minimum((along * n_parts).astype(np.int64), n_parts - 1)
 
 
 def outlines_of(table: EdgeTable) -> Array:
@@ -1018,22 +1042,6 @@ class PartModel:
             < _MEETS_MM
         ]
 
-    def arms(
-        self, edge: PartEdge, end: Array, cam2world: Array, camera: Camera
-    ) -> list[tuple[PartEdge, float]]:
-        """Return the straight edges that leave an end (3,) of an edge so that both meet in a corner of the image.
-
-        Each has the sine of its angle with the edge in the image, at least that of `LEAST_ANGLE_DEG`.
-        """
-        along = _image_way(edge, end, cam2world, camera)
-        arms = []
-        for other in self.leaving(edge, end):
-            way = _image_way(other, end, cam2world, camera)
-            sine = abs(float(along[0] * way[1] - along[1] * way[0]))
-            if sine >= np.sin(np.radians(LEAST_ANGLE_DEG)):
-                arms.append((other, sine))
-        return arms
-
     def _carry(self, edge: PartEdge) -> None:
         if edge.name in self._curves:
             pair = self.carriers.of_curve(self._curves[edge.name])
@@ -1132,46 +1140,3 @@ def _holds(curve: Arc, geometry: Circle) -> bool:
     across = np.cross(curve.axis, curve.reference)
     angle = float(np.arctan2(middle @ across, middle @ curve.reference))
     return bool((angle - curve.start_rad) % (2 * np.pi) <= span)
-
-
-# Corners in the image: where the line of an edge meets one that leaves its end.
-
-
-LEAST_ANGLE_DEG = 20.0
-"""A corner is where another line leaves an edge at this angle at least, in the image."""
-ARM_SHARE = 0.5
-"""Share of the samples of such a line that must be found."""
-ARM_PX = 200.0
-"""Such a line is used up to this distance from the corner."""
-
-# of an edge: where its direction in the image is taken, from its end
-_NEAR_END = 1e-3
-
-
-def ends_of(edge: PartEdge) -> tuple[Array, Array]:
-    """Return both ends (3,) of a straight edge, mm."""
-    line = edge.geometry
-    assert isinstance(line, Line)
-    return line.p, line.q
-
-
-def near_corner(samples: Samples, corner: Array, cam2world: Array, camera: Camera) -> Samples:
-    """Return the samples that lie at most `ARM_PX` from a corner (3,) in the image."""
-    places = ideal_images(samples.points, cam2world, camera)
-    distance = np.linalg.norm(places - ideal_images(corner[None], cam2world, camera), axis=1)
-    return samples.chosen(distance <= ARM_PX)
-
-
-def ideal_images(points: Array, cam2world: Array, camera: Camera) -> Array:
-    """Return images (n, 2) in px of a lens without distortion."""
-    local = world_to_cam(points, cam2world)
-    return np.asarray((local / local[:, 2:] @ camera.matrix.T)[:, :2])
-
-
-def _image_way(edge: PartEdge, end: Array, cam2world: Array, camera: Camera) -> Array:
-    """Return the unit vector along an edge in the image, away from one of its ends."""
-    p, q = ends_of(edge)
-    other = q if np.linalg.norm(p - end) < np.linalg.norm(q - end) else p
-    images = ideal_images(np.array([end, end + _NEAR_END * (other - end)]), cam2world, camera)
-    way = images[1] - images[0]
-    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-12))

@@ -25,7 +25,7 @@ from planner.measuring.lit_edges import (
     _Seen,
     reads_of,
 )
-from planner.measuring.samples import State, circle_of
+from planner.measuring.samples import State, circle_of, parts_of
 from planner.request.registration import OWN_EDGES, RegistrationRecord
 
 LAMPS = np.array([LAMP.place, [40.0, 25.0, 400.0], [-250.0, 25.0, 160.0], [40.0, 330.0, 100.0]])
@@ -159,13 +159,28 @@ def test_a_length_that_is_promised_is_measured(solid, reads):
     assert promised.any()
 
 
+def test_a_short_rim_has_fewer_parts():
+    """A twelfth of a rim of 72 px is two points, which may be outliers; a sixth is 12 px."""
+    assert [parts_of(n) for n in (1, 9, 29, 57, 58, 500)] == [1, 1, 6, 11, 12, 12]
+    usable = np.arange(29) >= 3
+    share = np.linspace(0.0, 1.0, 29)
+    rim = EntityLight("r3", share, usable, SimpleNamespace(), parts_of(29))
+    assert not rim.reason
+    assert EntityLight("r3", share, usable, SimpleNamespace()).reason
+    shorter = EntityLight("r3", share, np.arange(29) >= 4, SimpleNamespace(), parts_of(29), 0.5)
+    assert (
+        shorter.reason == "too little of a sixth of r3 is visible and 5 px apart from other lines"
+    )
+
+
 def line_shown_by(name, lamps):
     """A line of which each lamp shows all or nothing."""
     shown = np.array(lamps, dtype=bool)
     sides = SimpleNamespace(
         found=lambda places: np.repeat(shown[places[:, :1].astype(int)], 100, 1)
     )
-    return EntityLight(name, np.linspace(0.0, 1.0, 100), np.ones(100, dtype=bool), sides, 0.5)
+    usable = np.ones(100, dtype=bool)
+    return EntityLight(name, np.linspace(0.0, 1.0, 100), usable, sides, coverage=0.5)
 
 
 def test_one_line_at_each_corner_is_enough():
