@@ -16,8 +16,9 @@ from planner.exceptions import PlanFileError
 from planner.files import read_json
 from planner.measuring.images import DARK_SHARE, MOST_BLUR_PX, STATED, Picture, longer
 from planner.measuring.reading import Reading, largest_state
-from planner.measuring.registration import PLANNED, Registration
+from planner.measuring.registration import Registration
 from planner.measuring.samples import STATE_TEXTS, State
+from planner.request.registration import PLANNED
 from planner.verify.setting_record import search_windows_px
 
 if TYPE_CHECKING:
@@ -121,7 +122,8 @@ def advice_of(
 
 def lacks_registration(plan: InspectionPlan, how: Registration) -> bool:
     """Return whether images are taken at planned poses, although the plan counts on their registration."""
-    return plan.request.registration is not None and how.method == PLANNED
+    planned = plan.request.registration
+    return planned is not None and planned.method != PLANNED and how.method == PLANNED
 
 
 def of_poses(reading: Reading) -> Reading:

@@ -56,7 +56,7 @@ from planner.measuring.reading import (
 )
 from planner.measuring.register import bias_of, check_lens, looks_like, register_as_shown
 from planner.measuring.registered import Registered, as_given, prior_covariance
-from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Registration, locate
+from planner.measuring.registration import BOTH, NoFiducialsError, Registration, locate
 from planner.measuring.response import JudgedResponse, judge_response
 from planner.measuring.results import (
     MeasurementResults,
@@ -83,7 +83,7 @@ from planner.measuring.task import (
 )
 from planner.request.dimension import POSITIONS, is_one_sided
 from planner.request.edge_state import EdgeState, checked_break
-from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES
+from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES, PLANNED
 from planner.request.targets import Target, targets_of
 from planner.sensor_setting import SensorSetting, setting_name
 from planner.verify.setting_record import search_windows_px
