@@ -268,14 +268,44 @@ def reading_shown(
     # the package takes long to load, and commands that read no part do without it
     from aspectgraph.phases import phases_reported_to
 
+    with (
+        _passing(lines=lines, begun=begun, most_silent_s=most_silent_s) as progress,
+        phases_reported_to(progress),
+    ):
+        yield
+
+
+@contextmanager
+def work_shown(*, quiet: bool = False, lines: bool = False) -> Iterator[Progress | None]:
+    """Show what short work is busy with: bars on a terminal until it is done, otherwise lines of what takes long.
+
+    Parameters
+    ----------
+    quiet : bool
+        Show nothing.
+    lines : bool
+        Lines on standard error for everything, also on a terminal.
+    """
+    if quiet:
+        with _compiling(None):
+            yield None
+        return
+    with _passing(lines=lines, most_silent_s=WATCHED_S) as progress, _compiling(progress):
+        yield progress
+
+
+@contextmanager
+def _passing(
+    *, lines: bool, begun: float | None = None, most_silent_s: float | None = None
+) -> Iterator[Progress]:
+    """Yield what shows bars on a terminal that do not stay, or else lines of what takes long; see `reading_shown`."""
     if sys.stderr.isatty() and not lines:
-        with _bars(sys.stderr, transient=True) as progress, phases_reported_to(progress):
-            yield
+        with _bars(sys.stderr, transient=True) as bars:
+            yield bars
         return
     stream = _LineStream(sys.stderr)
-    lines_shown = _Waiting(stream, all_told=lines, begun=begun, most_silent_s=most_silent_s)
-    with lines_shown as waiting, phases_reported_to(waiting):
-        yield
+    with _Waiting(stream, all_told=lines, begun=begun, most_silent_s=most_silent_s) as waiting:
+        yield waiting
 
 
 class _Waiting:

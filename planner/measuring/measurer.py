@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 from collections.abc import Collection, Mapping
@@ -66,6 +67,7 @@ from planner.measuring.results import (
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartEdge, PartModel
 from planner.measuring.seen_breaks import (
     UNCLEAR_PX,
+    SeenBreak,
     edges_text,
     pixel_mm,
     seen_break,
@@ -81,6 +83,7 @@ from planner.measuring.task import (
     displacement_between,
     distance_of,
 )
+from planner.progress import Progress, labelled, report
 from planner.request.dimension import POSITIONS, is_one_sided
 from planner.request.edge_state import EdgeState, checked_break
 from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES, PLANNED
@@ -240,6 +243,14 @@ def _by_light(
 NEAR_PX = 3.0
 """Entities are searched this far from a registered prediction, px."""
 
+# what progress calls the stages of measuring
+_PREPARING = "preparing images"
+_REGISTERING = "registering images"
+_AGAIN = "registering images again"
+_JUDGING = "comparing edges in all images"
+_JOINING = "joining images"
+_READING = "measuring in images"
+_DECIDING = "deciding"
 # windows of unregistered images begin with the plan's, which are three standard deviations wide
 _ROOM_PX = 2.0
 # with a wider window, more samples have another line in it
@@ -436,6 +447,7 @@ class Measurer:
         operator: str = "",
         partial: bool = False,
         allow_lossy: bool = False,
+        progress: Progress | None = None,
     ) -> MeasurementResults:
         """Measure one part.
 
@@ -453,6 +465,8 @@ class Measurer:
             Whether images may be missing.
         allow_lossy : bool
             Whether JPEG files are accepted.
+        progress : callable, optional
+            Takes how many images are done, of how many, and a label.
 
         Returns
         -------
@@ -468,26 +482,25 @@ class Measurer:
         image_set = read_images(
             images, self.shots, camera, partial=partial, allow_lossy=allow_lossy
         )
-        pictures = {
-            name: Picture.of(name, image, camera, image_set.responses.get(name))
-            for name, image in image_set.images.items()
-        }
-        registered, failed = self._all_registered(pictures, options)
+        pictures = _pictures(image_set, camera, progress)
+        registered, failed = self._all_registered(pictures, options, progress)
+        report(progress, 0, 1, _JUDGING)
         poses = registered | self._alone(failed, pictures, options)
-        seen = seen_break(self.model, pictures, poses)
+        seen, response = self._judged(pictures, poses, options)
         edge_notes = seen_notes(seen, self.edge_state(options))
         uses_seen = seen is not None and not self.edge_state(options).stated
-        is_broken = seen is not None or self._is_wide(self.edge_state(options), poses)
-        response = judge_response(
-            self.model, pictures, poses, self._edges_half_px(poses), is_broken
-        )
         pictures = response.pictures
         if seen is not None and uses_seen:
             options = replace(options, edge_break_mm=seen.limits_mm)
+        report(progress, 1, 1, _JUDGING)
         if response.is_changed or uses_seen:
-            registered, failed = self._all_registered(pictures, options)
+            again = labelled(progress, _AGAIN)
+            registered, failed = self._all_registered(pictures, options, again)
+        report(progress, 0, 1, _JOINING)
         joint = self._joined(response.pictures, registered, options)
-        readings = self._readings(response, registered, joint, options)
+        report(progress, 1, 1, _JOINING)
+        readings = self._readings(response, registered, joint, options, progress)
+        report(progress, 0, 1, _DECIDING)
         self._add_unregistered(readings, failed)
         results = self._merged(readings, joint, options.rule)
         results |= self._not_planned(options.rule)
@@ -496,10 +509,12 @@ class Measurer:
         scene = self.model.edges.scene
         notes = image_notes(self.plan, scene, pictures, registered, readings)
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
-        poses_of_images = [image.cam2world for image in registered.values()]
-        limit_mm = unseen_mm(self.plan.camera, self.model.solid, poses_of_images)
+        limit_mm = unseen_mm(
+            self.plan.camera, self.model.solid, [image.cam2world for image in registered.values()]
+        )
         unseen = unseen_breaks(results, states, limit_mm, options.rule)
         of_images = (*image_set.notes, *response.notes(readings), *edge_notes, *joint.notes)
+        report(progress, 1, 1, _DECIDING)
         return MeasurementResults(
             {name: self._with_foreseen(results[name]) for name in self.plan.entities},
             {name: replace(image, evidence=None) for name, image in registered.items()},
@@ -514,6 +529,18 @@ class Measurer:
             edges_text(results, states, unseen) + (" (as images show)" if uses_seen else ""),
             unseen,
         )
+
+    def _judged(
+        self,
+        pictures: Mapping[str, Picture],
+        poses: Mapping[str, Registered],
+        options: MeasureOptions,
+    ) -> tuple[SeenBreak | None, JudgedResponse]:
+        """Return what edges in all images tell of their breaks, and of the response of the camera."""
+        seen = seen_break(self.model, pictures, poses)
+        is_broken = seen is not None or self._is_wide(self.edge_state(options), poses)
+        half_px = self._edges_half_px(poses)
+        return seen, judge_response(self.model, pictures, poses, half_px, is_broken)
 
     def _with_foreseen(self, result: Result) -> Result:
         """Return a result with U as the plan foresaw it, in the surest of the settings whose images there are.
@@ -562,12 +589,16 @@ class Measurer:
         return camera
 
     def _all_registered(
-        self, pictures: Mapping[str, Picture], options: MeasureOptions
+        self,
+        pictures: Mapping[str, Picture],
+        options: MeasureOptions,
+        progress: Progress | None = None,
     ) -> tuple[dict[str, Registered], dict[str, tuple[str, str]]]:
         """Return the registrations of images, and why others cannot be registered, with advice."""
         registered: dict[str, Registered] = {}
         failed: dict[str, tuple[str, str]] = {}
         for shots in self._by_pose(pictures, options.registration):
+            report(progress, len(registered) + len(failed), len(pictures), _REGISTERING)
             try:
                 registration = self._registered(shots, pictures, options)
             except NotRegisteredError as error:
@@ -575,6 +606,7 @@ class Measurer:
                 failed |= {shot.name: (str(error), advice) for shot in shots}
                 continue
             registered |= {shot.name: registration.of(shot.name) for shot in shots}
+        report(progress, len(pictures), len(pictures), _REGISTERING)
         return registered, failed
 
     def _alone(
@@ -600,11 +632,15 @@ class Measurer:
         registered: Mapping[str, Registered],
         known: PartPosterior,
         options: MeasureOptions,
+        progress: Progress | None = None,
     ) -> dict[str, list[Reading]]:
         """Return what is read in registered images, by target."""
         readings: dict[str, list[Reading]] = {name: [] for name in self.targets}
+        every = len(response.pictures)
+        done = itertools.count()
         for shots in self._by_pose(response.pictures, options.registration):
             for shot in shots:
+                report(progress, next(done), every, _READING)
                 if shot.name not in registered:
                     continue
                 pose = registered[shot.name]
@@ -623,6 +659,7 @@ class Measurer:
                     readings[reading.name].append(
                         advised(reading, picture, pose.blur_px, is_unlit=is_unlit)
                     )
+        report(progress, every, every, _READING)
         if lacks_registration(self.plan, options.registration):
             return {name: list(map(of_poses, each)) for name, each in readings.items()}
         return readings
@@ -1128,6 +1165,16 @@ class Measurer:
         )
 
 
+def _pictures(images: ImageSet, camera: Camera, progress: Progress | None) -> dict[str, Picture]:
+    """Return images as they are measured in, by name."""
+    pictures = {}
+    for k, (name, image) in enumerate(images.images.items()):
+        report(progress, k, len(images.images), _PREPARING)
+        pictures[name] = Picture.of(name, image, camera, images.responses.get(name))
+    report(progress, len(images.images), len(images.images), _PREPARING)
+    return pictures
+
+
 def measure(
     plan: InspectionPlan,
     solid: Solid,
@@ -1138,6 +1185,7 @@ def measure(
     coverage: float = COVERAGE_SHARE,
     rule: DecisionRule | None = None,
     edge_break_mm: tuple[float, float] | None = None,
+    progress: Progress | None = None,
 ) -> MeasurementResults:
     """Measure one part in images of a plan's settings.
 
@@ -1162,6 +1210,8 @@ def measure(
     edge_break_mm : (float, float), optional
         By how much the part's edges are broken, least and most, mm. Default: that of the plan; without it, edges are
         sharp within 0.05 mm.
+    progress : callable, optional
+        Takes how many images are done, of how many, and a label.
 
     Returns
     -------
@@ -1192,4 +1242,4 @@ def measure(
         rule or DecisionRule.iso14253(),
         edge_break_mm=edge_break_mm,
     )
-    return Measurer(plan, solid).measure(images, options)
+    return Measurer(plan, solid).measure(images, options, progress=progress)
