@@ -193,11 +193,11 @@ def check_keywords(call: str, given: Iterable[str], known: Sequence[str]) -> Non
 def names_meant(kind: type[_Result]) -> type[_Result]:
     """Return a class that refuses a keyword which it does not have, and names the one that may be meant."""
     original = kind.__init__
-    known = [name for name in inspect.signature(original).parameters if name != "self"]
+    parameters = [name for name in inspect.signature(original).parameters if name != "self"]
 
     @wraps(original)
     def checked(self: Any, *args: Any, **keywords: Any) -> None:
-        check_keywords(kind.__name__, keywords, known)
+        check_keywords(kind.__name__, keywords, parameters)
         original(self, *args, **keywords)
 
     kind.__init__ = checked  # type: ignore[method-assign]

@@ -103,7 +103,9 @@ def measure(options: Measure) -> int:
         # what can be read only once has no digest
         path = Path(options.part)
         digest = file_digest(path) if path.is_file() else ""
-        measurer = Measurer(plan, solid, part_file_sha256=digest)
+        with work_shown(quiet=options.quiet, lines=options.verbose) as progress:
+            report(progress, 0, 1, "preparing the part")
+            measurer = Measurer(plan, solid, part_file_sha256=digest)
         outcomes = [_measured(measurer, part, measure_options, options) for part in parts]
     reasons = {
         part.serial: outcome
