@@ -404,7 +404,8 @@ class ImageRegistration:
     registration
         how the camera's pose is known when values are read. edges: aspectgraph measure registers each image to the
         part's own edges; none: it is the planned pose; a length and an angle: standard deviations of a pose that
-        something else measures, like 0.02mm,0.1mrad (default: none)
+        something else measures, like 0.02mm,0.1mrad (default: the planned pose, and lamps under which aspectgraph
+        measure can register images)
     """
 
     registration: Annotated[Any, value(registration, "edges|none|MM,RAD", "--register")] = None

@@ -529,6 +529,20 @@ def test_lists_tell_the_units_of_their_numbers(capsys):
     assert "length (mm)" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("part", "hint"),
+    [("camera.toml", "; the camera seems to be 'camera.toml', so exchange the two"), (BLOCK, "")],
+)
+def test_a_part_for_the_camera_is_named(capsys, tmp_path, monkeypatch, part, hint):
+    Path(tmp_path, "camera.toml").write_text("")
+    block = str(Path(BLOCK).resolve())
+    monkeypatch.chdir(tmp_path)
+    part = block if part == BLOCK else part
+    assert main(["plan", part, "--entities", "9", "--camera", block]) == BAD_INPUT
+    rule = "--camera must be a TOML file, or a name that 'aspectgraph cameras' lists"
+    assert capsys.readouterr().err == f"aspectgraph: {rule}. Got {block!r}, a part{hint}.\n"
+
+
 def test_verbose_tells_where_an_error_arose(capsys):
     assert main(["info", "none.stp"]) == BAD_INPUT
     line = capsys.readouterr().err
