@@ -369,7 +369,7 @@ class LitEdges:
                 continue
             for end in ends_of(edge):
                 arms = [
-                    self._entity(arm, near, cam2world, camera, background, ARM_SHARE)
+                    self._entity(arm, near, cam2world, camera, background, is_arm=True)
                     for arm, near in self._arms(edge, end, cam2world, camera)
                 ]
                 ends.append(EndLight(edge.name, arms))
@@ -396,9 +396,9 @@ class LitEdges:
         cam2world: Array,
         camera: Camera,
         background: float,
-        coverage: float = COVERAGE_SHARE,
+        is_arm: bool = False,
     ) -> EntityLight:
-        """Return an edge as an image shows it, of whose samples so large a share must be found."""
+        """Return an edge, or a line near a corner, as an image shows it."""
         shown = self.model.shown(cam2world, camera)
         samples = _thinned(every, _MOST_SAMPLES)
         pixels = pixels_of(samples.points, cam2world, camera)
@@ -407,8 +407,7 @@ class LitEdges:
         if len(usable) >= _LEAST_SAMPLES:
             sampled = Sampled(self.model.edges.scene, camera, cam2world, [edge], samples)
             sides = _Sides.of(sampled, _BESIDE_PX, background)
-        n_parts = parts_of(len(every.share))
-        return EntityLight(edge.name, samples.share, usable, sides, n_parts, coverage)
+        return EntityLight(edge.name, samples.share, usable, sides, *_needed(every, is_arm))
 
     def unread(self, cam2world: Array, camera: Camera, target: Target, area: AreaLight) -> str:
         """Return why too little of a target is found under a light with an area; empty if enough is.
@@ -424,12 +423,12 @@ class LitEdges:
         for shape in target.geometry:
             edge = self.model.entity(shape, target.name)
             samples = self._samples(edge, cam2world, camera)
-            text = self._unread_edge(edge, samples, cam2world, camera, light, COVERAGE_SHARE)
+            text = self._unread_edge(edge, samples, cam2world, camera, light)
             if text:
                 return text
             for end in ends_of(edge) if target.has_corners else ():
                 reasons = [
-                    self._unread_edge(arm, near, cam2world, camera, light, ARM_SHARE)
+                    self._unread_edge(arm, near, cam2world, camera, light, is_arm=True)
                     for arm, near in self._arms(edge, end, cam2world, camera)
                 ]
                 if all(reasons):
@@ -443,16 +442,15 @@ class LitEdges:
         cam2world: Array,
         camera: Camera,
         light: StandingLight,
-        coverage: float,
+        is_arm: bool = False,
     ) -> str:
-        """Return why too little of an edge is found under a light with an area; empty if enough is."""
+        """Return why a light with an area shows too little of an edge, or of a line near a corner; empty if enough."""
         shown = self.model.shown(cam2world, camera)
         samples = _thinned(every, _MOST_SAMPLES)
         if len(samples.share) < _LEAST_SAMPLES:
             return f"the image of {edge.name} is too short"
         lit = samples.visible & self._lit([edge], samples, cam2world, camera, light)
-        n_parts = parts_of(len(every.share))
-        entity = EntityLight(edge.name, samples.share, lit, None, n_parts, coverage)
+        entity = EntityLight(edge.name, samples.share, lit, None, *_needed(every, is_arm))
         if not entity.covers(lit[None], RESERVE, LEAST_OF_PART)[0]:
             return _too_little(entity, lit, "is shown")
         pixels = pixels_of(samples.points, cam2world, camera)
@@ -525,6 +523,11 @@ class LitEdges:
         seen = sides.seen(lamps)
         shares = [seen.under(white).mean(axis=1) for white in whites.T]
         return np.stack(shares, axis=1) if shares else np.zeros(whites.shape)
+
+
+def _needed(samples: Samples, is_arm: bool) -> tuple[int, float]:
+    """Return in how many parts of an edge or line near a corner something must be found, and which share of it."""
+    return (1, ARM_SHARE) if is_arm else (parts_of(len(samples.share)), COVERAGE_SHARE)
 
 
 def _too_little(entity: EntityLight, usable: Bools, state: str) -> str:

@@ -187,6 +187,7 @@ def scan_entity(
     half_px: float,
     coverage: float,
     edge_state: EdgeState = SHARP,
+    in_each_part: bool = True,
 ) -> EntityScan:
     """Look for an entity in an image, and fit it.
 
@@ -210,6 +211,8 @@ def scan_entity(
         Share of its samples that must be found.
     edge_state : EdgeState
         By how much it is broken.
+    in_each_part : bool
+        Whether something must be found in each of its parts, see `parts_of`.
     """
     camera = picture.camera
     pose = registered.cam2world
@@ -243,7 +246,8 @@ def scan_entity(
         residual[is_found] = fit.residual
         state[np.flatnonzero(is_found)[~good]] = State.OUTLIER
     points = _points_of(samples, pixels, across, residual, state)
-    reason = _incomplete(edge, points, coverage)
+    n_parts = parts_of(len(points)) if in_each_part else 1
+    reason = _incomplete(edge, points, coverage, n_parts)
     is_found = state == State.FOUND
     sampled = Sampled(model.edges.scene, camera, pose, [edge], _alone(samples))
     moved = bool(reason) and _is_moved(sampled, picture, registered, (centres, across), state)
@@ -447,7 +451,7 @@ def entity_scale(
     return np.asarray(np.abs((moved * across).sum(axis=1)) / (2 * step))
 
 
-def _incomplete(edge: PartEdge, points: NDArray[np.void], coverage: float) -> str:
+def _incomplete(edge: PartEdge, points: NDArray[np.void], coverage: float, n_parts: int) -> str:
     """Say why what was found of an entity is not enough; empty if it is."""
     word = _word(edge)
     if not len(points):
@@ -462,7 +466,6 @@ def _incomplete(edge: PartEdge, points: NDArray[np.void], coverage: float) -> st
             return f"{word} {edge.name} is {STATE_TEXTS[worst]}"
         main_reason = f"{100 * counts[worst] / len(points):.0f} % is {STATE_TEXTS[worst]}"
         return f"only {100 * share:.0f} % of {word} {edge.name} was found; {main_reason}"
-    n_parts = parts_of(len(points))
     part = numbers_of_parts(points["share"], n_parts)
     missing = set(part.tolist()) - set(part[is_found].tolist())
     if missing:
@@ -1052,6 +1055,8 @@ def _scan(
         half_px=half_px,
         coverage=coverage,
         edge_state=edge_state,
+        # U counts how far a line is extended to its corner
+        in_each_part=near is None,
     )
 
 
