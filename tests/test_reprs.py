@@ -58,7 +58,7 @@ def eag():
 
 
 @pytest.fixture(scope="module")
-def plan(eag):
+def plan(eag, stated_in_full):
     return plan_inspection(
         BOX, {"top": 1, "side": 2}, CAMERA, UNCERTAINTY, accuracy=0.95, space=eag, effort=EFFORT
     )
