@@ -28,6 +28,8 @@ if _cores:
 
 # in this order they come first: a file of long tests that begins last would leave the other workers without work
 LONG_FILES = (
+    "notebooks/robot_cell.ipynb",
+    "notebooks/cluster.ipynb",
     "tests/test_docs_run.py",
     "tests/aspectgraph/graph/test_invariance.py",
     "tests/planner/app/test_main.py",
