@@ -5,6 +5,7 @@ import importlib.util
 import json
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -26,7 +27,14 @@ SNIPPET = re.compile(r"^```python\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 TOML = re.compile(r"^```toml\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^    (aspectgraph .*)$", flags=re.MULTILINE)
 
-BRIEF = effort.Effort(viewpoints=20, pricing_rounds=3, refutations=1, bound_nodes=20_000)
+BRIEF = replace(
+    effort.QUICK,
+    viewpoints=20,
+    pricing_rounds=3,
+    refutations=1,
+    bound_nodes=20_000,
+    margin_generations=3,
+)
 
 
 def shown(page):

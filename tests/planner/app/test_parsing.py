@@ -22,7 +22,7 @@ from ga.exceptions import GAError
 from planner import Camera, camera_names, light_names, optics
 from planner.app.checks import in_words_of_shell
 from planner.app.main import main
-from planner.app.options import COMMANDS, rules_of, texts_of
+from planner.app.options import COMMANDS, Plan, rules_of, texts_of
 from planner.app.parsing import UsageError, arguments_of, command_help, parse, takes_value
 from planner.app.part import read_part
 from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
@@ -249,6 +249,18 @@ def test_every_option_has_its_help(name):
 def test_numbers_that_load_too_much_are_the_same():
     assert rules_of(COMMANDS["plan"])["seed"].maximum == MOST_SEED
     assert parse([*PLAN]).grey_step == DEFAULT_STEP
+
+
+def test_a_command_line_is_read_as_if_it_were_the_first():
+    """Options are worked out once, and hold nothing of what was typed before."""
+    words = ["plan", "block.off", "--camera", "camera.toml", "--entities"]
+    first = parse([*words, "3,4", "--seed", "7"])
+    second = parse([*words, "5"])
+    assert (first.seed, second.seed) == (7, Plan.seed)
+    assert first.typed == {"--camera", "--entities", "--seed"}
+    assert second.typed == {"--camera", "--entities"}
+    assert arguments_of(Plan) is arguments_of(Plan)
+    assert not any(argument.tokens for argument in arguments_of(Plan))
 
 
 def test_the_last_value_of_an_option_counts_unless_it_may_be_given_again():

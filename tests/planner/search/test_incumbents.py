@@ -51,7 +51,9 @@ from planner.verify.simulate_setting import MODEL_TOLERANCE
 CAMERA_INCUMBENTS = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
 NAMES = list(EDGES)[:8]
-EFFORT = Effort(viewpoints=6, pricing_rounds=15, refutations=2, bound_nodes=20_000)
+EFFORT = Effort(
+    viewpoints=6, pricing_rounds=15, refutations=2, bound_nodes=20_000, margin_generations=3
+)
 
 
 @pytest.fixture(scope="module")
@@ -446,7 +448,9 @@ EVEN = (-400.0, 25.0, 460.0)
 CAMERA_LIT_SETTINGS = Camera.named("basler-acA2440-20gm-8mm")
 HOW = {
     "accuracy": 0.98,
-    "effort": Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000),
+    "effort": Effort(
+        viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, margin_generations=3
+    ),
     "showing": Detectability(0, 0, 0),
 }
 
