@@ -201,6 +201,9 @@ def plan_light(
     visible at each end. If it requires separation, no shadow may end within that distance of the
     edge or that line.
 
+    Whether `measure` will find enough of each target is not checked here. `plan_inspection` with
+    ``lamps`` checks it, and moves the camera where it has to.
+
     The light of lamps that are on together (`Lighting.together`) adds up. The program then checks
     nine points of every edge, for lamps of equal strength; see `planner.light.corner_light`.
 
