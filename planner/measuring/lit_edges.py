@@ -536,7 +536,9 @@ def _too_little(entity: EntityLight, usable: Bools, state: str) -> str:
     needed = entity.coverage + RESERVE
     if share >= needed:
         return f"too little of a {PART_WORDS[entity.n_parts - 2]} of {entity.name} {state}"
-    percents = f"only {100 * share:.0f} %" if share >= 0.005 else "none"
+    # as many digits as tell it from what is needed
+    digits = 0 if round(100 * share) < round(100 * needed) else 1
+    percents = f"only {100 * share:.{digits}f} %" if share >= 0.005 else "none"
     return f"{percents} of {entity.name} {state}, and {100 * needed:.0f} % must be"
 
 

@@ -232,7 +232,6 @@ def scan_entity(
     )
     pixels = centres + np.where(scans.state == State.FOUND, scans.offset, 0.0)[:, None] * across
     normal = np.cross(frame.x, frame.y)
-    # the plane is where the entity is, along the plane's normal
     origins = samples.points + ((places - samples.points) @ normal)[:, None] * normal
     state = scans.state.copy()
     residual = np.full(len(state), np.nan)
@@ -246,8 +245,7 @@ def scan_entity(
         residual[is_found] = fit.residual
         state[np.flatnonzero(is_found)[~good]] = State.OUTLIER
     points = _points_of(samples, pixels, across, residual, state)
-    n_parts = parts_of(len(points)) if in_each_part else 1
-    reason = _incomplete(edge, points, coverage, n_parts)
+    reason = _incomplete(edge, points, coverage, in_each_part)
     is_found = state == State.FOUND
     sampled = Sampled(model.edges.scene, camera, pose, [edge], _alone(samples))
     moved = bool(reason) and _is_moved(sampled, picture, registered, (centres, across), state)
@@ -451,7 +449,9 @@ def entity_scale(
     return np.asarray(np.abs((moved * across).sum(axis=1)) / (2 * step))
 
 
-def _incomplete(edge: PartEdge, points: NDArray[np.void], coverage: float, n_parts: int) -> str:
+def _incomplete(
+    edge: PartEdge, points: NDArray[np.void], coverage: float, in_each_part: bool
+) -> str:
     """Say why what was found of an entity is not enough; empty if it is."""
     word = _word(edge)
     if not len(points):
@@ -466,6 +466,7 @@ def _incomplete(edge: PartEdge, points: NDArray[np.void], coverage: float, n_par
             return f"{word} {edge.name} is {STATE_TEXTS[worst]}"
         main_reason = f"{100 * counts[worst] / len(points):.0f} % is {STATE_TEXTS[worst]}"
         return f"only {100 * share:.0f} % of {word} {edge.name} was found; {main_reason}"
+    n_parts = parts_of(len(points)) if in_each_part else 1
     part = numbers_of_parts(points["share"], n_parts)
     missing = set(part.tolist()) - set(part[is_found].tolist())
     if missing:

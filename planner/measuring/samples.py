@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.spatial import cKDTree
 from scipy.special import erf
 
-from aspectgraph.entities.entity_rules import PARAMETERS, Carriers
+from aspectgraph.entities.entity_rules import PARAMETERS, Carriers, faces_along
 from aspectgraph.light import DEFAULT_CONTRAST
 from aspectgraph.solid.solid import RayScene
 from errors.measurands import Circle, Geometry, Line, Measurand
@@ -678,7 +678,10 @@ class PartEdges:
         self, name: str, geometry: Geometry, edge_ids: Sequence[int], chord_mm: float = 0.0
     ) -> PartEdge:
         """Return an edge with the normals of its faces."""
-        faces = np.array([self.solid.edges[i].faces for i in edge_ids])
+        if isinstance(geometry, Circle):
+            faces = faces_along(self.solid, edge_ids, geometry.axis)
+        else:
+            faces = np.array([self.solid.edges[i].faces for i in edge_ids])
         turns = [self.solid.edges[i].dihedral_deg for i in edge_ids]
         normals = self.solid.normals[faces]
         return PartEdge(

@@ -226,7 +226,7 @@ def test_fish_gets_every_option_with_its_help(capsys):
 
 
 def test_how_poses_are_known_may_be_edges_none_or_a_pair():
-    assert registration("none") is None
+    assert (registration("none").method, registration("none").pose_uncertainty) == ("planned", None)
     assert (registration("edges").method, registration("edges").pose_uncertainty) == (
         "own edges",
         None,

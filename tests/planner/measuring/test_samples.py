@@ -8,6 +8,7 @@ from measured_plate import measured_plan, thick_plate
 from plan_examples import witness
 from solids import prism
 
+from aspectgraph import Solid
 from errors.measurands import Circle, Line
 from planner import Backlight, Camera, RequestError, look_at
 from planner.measuring.samples import PartEdges, PartModel, _holds, median_shift, pixels_of
@@ -171,3 +172,23 @@ def test_an_edge_that_is_hidden_is_looked_at_under_no_light():
         assert len(samples.share) > 0
         assert not samples.visible.any()
     assert len(lower) == 4
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rims_of_a_bore_share_its_wall_however_faces_are_numbered(seed):
+    """Facets of the wall may come before and after the face that they end at, as in files of some programs."""
+    plate = thick_plate()
+    order = np.random.default_rng(seed).permutation(len(plate.faces))
+    solid = Solid(plate.vertices, [plate.faces[k] for k in order], name="plate")
+    model = PartModel(solid, {})
+    rims = [edge for edge in model.edges.edges if isinstance(edge.geometry, Circle)]
+    assert len(rims) == 4
+    walls = {}
+    for rim in rims:
+        level, wall = model.carried_by[rim.name]
+        assert model.carriers.surfaces[level].is_plane
+        assert model.carriers.surfaces[wall].lean == 0
+        walls.setdefault(tuple(rim.geometry.centre[:2].round(6)), set()).add(wall)
+        # of the two faces of each chord, the level one comes first
+        assert np.allclose(np.abs(rim.normals[:, 0] @ rim.geometry.axis), 1)
+    assert sorted(map(len, walls.values())) == [1, 1]

@@ -476,9 +476,9 @@ def test_a_pose_is_found_from_which_the_lamp_shows_an_edge():
     assert (found.lower_bound, len(found.settings)) == (1, 1)
     assert found.settings[0].message == "pose in which a lamp shows it"
     # nothing changes where all shows anyway
-    above = planned(rng=seed, lamps=[(200.0, 25.0, 900.0)])
+    above = planned(rng=seed, lamps=[(-150.0, 25.0, 500.0)])
     assert above.settings == planned(rng=seed).settings
-    assert above.light == plan_light(above, block(), [(200.0, 25.0, 900.0)])
+    assert above.light == plan_light(above, block(), [(-150.0, 25.0, 500.0)])
 
 
 def test_what_is_shown_from_nowhere_is_not_inspected():
