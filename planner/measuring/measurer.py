@@ -63,6 +63,7 @@ from planner.measuring.results import (
     MeasurementResults,
     Result,
     Source,
+    UnseenBreaks,
 )
 from planner.measuring.samples import POSE, PartEdge, PartModel
 from planner.measuring.seen_breaks import (
@@ -343,13 +344,16 @@ class Measurer:
         registered, failed = self._all_registered(pictures, options, progress)
         poses = registered | self._alone(failed, pictures, options)
         seen, response = self._judged(pictures, poses, options, progress)
-        edge_notes = seen_notes(seen, self.edge_state(options))
-        uses_seen = seen is not None and not self.edge_state(options).stated
         pictures = response.pictures
-        if seen is not None and uses_seen:
-            options = replace(options, edge_break_mm=seen.limits_mm)
-        if response.is_changed or uses_seen:
-            again = labelled(progress, _AGAIN)
+        again = labelled(progress, _AGAIN)
+        broken = None
+        if seen is not None and not self.edge_state(options).stated:
+            broken = self._broken(seen, pictures, options, failed, again)
+            seen = seen if broken is not None else None
+        edge_notes = seen_notes(seen, self.edge_state(options))
+        if broken is not None:
+            options, registered, failed = broken
+        elif response.is_changed:
             registered, failed = self._all_registered(pictures, options, again)
         joint = self._joined(response.pictures, registered, options, progress)
         readings = self._readings(response, registered, joint, options, progress)
@@ -359,13 +363,9 @@ class Measurer:
         results |= self._not_planned(options.rule)
         why = self._why_unregistered(failed)
         results |= self._of_several_images(response, registered, why, joint, options)
-        scene = self.model.edges.scene
-        notes = image_notes(self.plan, scene, pictures, registered, readings)
+        notes = image_notes(self.plan, self.model.edges.scene, pictures, registered, readings)
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
-        limit_mm = unseen_mm(
-            self.plan.camera, self.model.solid, [image.cam2world for image in registered.values()]
-        )
-        unseen = unseen_breaks(results, states, limit_mm, options.rule)
+        unseen = self._unseen(results, states, registered, options)
         of_images = (*image_set.notes, *response.notes(readings), *edge_notes, *joint.notes)
         report(progress, 1, 1, _DECIDING)
         return MeasurementResults(
@@ -379,9 +379,39 @@ class Measurer:
             (*of_images, *notes, *plan_notes(self.plan, options.registration, images)),
             pictures,
             response.records(),
-            edges_text(results, states, unseen) + (" (as images show)" if uses_seen else ""),
+            edges_text(results, states, unseen)
+            + (" (as images show)" if broken is not None else ""),
             unseen,
         )
+
+    def _unseen(
+        self,
+        results: Mapping[str, Result],
+        states: Mapping[str, EdgeState],
+        registered: Mapping[str, Registered],
+        options: MeasureOptions,
+    ) -> UnseenBreaks | None:
+        """Return what breaks would do that images do not show."""
+        poses = [image.cam2world for image in registered.values()]
+        limit_mm = unseen_mm(self.plan.camera, self.model.solid, poses)
+        return unseen_breaks(results, states, limit_mm, options.rule)
+
+    def _broken(
+        self,
+        seen: SeenBreak,
+        pictures: Mapping[str, Picture],
+        options: MeasureOptions,
+        failed: Collection[str],
+        progress: Progress | None,
+    ) -> tuple[MeasureOptions, dict[str, Registered], dict[str, tuple[str, str]]] | None:
+        """Return the options with breaks that images show, and what is registered with them.
+
+        None if fewer images are registered then: faces that deviate look like breaks in one image, and others speak
+        against these.
+        """
+        options = replace(options, edge_break_mm=seen.limits_mm)
+        registered, still_failed = self._all_registered(pictures, options, progress)
+        return None if len(still_failed) > len(failed) else (options, registered, still_failed)
 
     def _judged(
         self,
