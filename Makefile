@@ -49,8 +49,7 @@ docs: setup-docs
 
 test: setup-test
 	@$(MAKE) --no-print-directory -j 2 --output-sync=target types compile style pages
-	$(BIN)/python -m pytest $(IN_PARALLEL)
-	$(BIN)/python -m pytest $(IN_PARALLEL) --nbmake notebooks
+	$(BIN)/python -m pytest $(IN_PARALLEL) --nbmake tests notebooks
 
 wheel:
 	.ci/wheel

@@ -183,9 +183,25 @@ def check_keywords(call: str, given: Iterable[str], known: Sequence[str]) -> Non
     for name in given:
         if name in known:
             continue
-        meant = _OTHER_WORDS.get(name) or next(iter(get_close_matches(name, known)), "")
+        starting = [word for word in known if word.startswith(name)]
+        near = starting or get_close_matches(name, known)
+        meant = _OTHER_WORDS.get(name) or next(iter(near), "")
         hint = f"; did you mean {meant!r}?" if meant else ""
         raise TypeError(f"{call}() has no argument {name!r}{hint}")
+
+
+def names_meant(kind: type[_Result]) -> type[_Result]:
+    """Return a class that refuses a keyword which it does not have, and names the one that may be meant."""
+    original = kind.__init__
+    parameters = [name for name in inspect.signature(original).parameters if name != "self"]
+
+    @wraps(original)
+    def checked(self: Any, *args: Any, **keywords: Any) -> None:
+        check_keywords(kind.__name__, keywords, parameters)
+        original(self, *args, **keywords)
+
+    kind.__init__ = checked  # type: ignore[method-assign]
+    return kind
 
 
 def takes_names(

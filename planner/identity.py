@@ -348,7 +348,7 @@ class Request:
     surfaces_mm : float
         Standard deviation of the position of faces along their normals, mm.
     registration : RegistrationRecord or None
-        How poses are known when values are read; None for no better than planned.
+        How poses are known when values are read; None if it is not stated: no better than planned.
     edge_break_mm : (float, float) or None
         By how much the part's edges are broken along their faces, least and most, mm; None if it is not stated.
     poses : tuple of GivenPose or None

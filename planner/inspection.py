@@ -47,7 +47,7 @@ from planner.light.corner_light import DEFAULT_STEP
 from planner.light.lighting import Lighting, RingSpace
 from planner.light.plan_light import chosen_lamps
 from planner.measuring.foreseen import foreseen_in_time
-from planner.measuring.lit_edges import reads_of_plan
+from planner.measuring.lit_edges import reads_of
 from planner.measuring.planned_edges import registered_problem
 from planner.options import InspectionOptions, RunOptions, options_or_default
 from planner.plan import InspectionPlan
@@ -377,7 +377,7 @@ def with_light(
     """
     if lighting is None or plan.light is not None:
         return plan
-    reads = reads_of_plan(plan, solid)
+    reads = reads_of(solid, plan.request.registration)
     try:
         light = chosen_lamps(
             lighting, plan, solid, progress, reads=reads, executor=executor, deadline=deadline

@@ -31,7 +31,7 @@ from planner.light.area_lights import AREA_LIGHTS, area_of_word
 from planner.light.lighting import LampDome, Lighting
 from planner.light.plan_light import chosen_lamps
 from planner.light.reflection import Material
-from planner.measuring.lit_edges import reads_of_plan
+from planner.measuring.lit_edges import reads_of
 from planner.measuring.planned_edges import registered_problem
 from planner.options import InspectionOptions, options_or_default
 from planner.plan_file import Reasons
@@ -1155,7 +1155,7 @@ def _shows(kind: str, plan: InspectionPlan, solid: Solid, material: Material) ->
         lamps: object = LampDome((x, y, z), radius)
     else:
         lamps = area_of_word(kind, solid, plan.camera, material)
-    reads = reads_of_plan(plan, solid)
+    reads = reads_of(solid, plan.request.registration)
     light = chosen_lamps(Lighting(lamps, material=material), plan, solid, reads=reads)
     dark = _dark(plan, light)
     names = [name for name in plan.entities if name in plan.promises]

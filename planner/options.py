@@ -147,7 +147,8 @@ class InspectionOptions(RunOptions):
         `measure` will register each image to the part's own edges, and P is that of these values.
         The program predicts it from what each pose shows of the part. A `PoseUncertainty` is that
         of poses that something else measures. Where the camera may be while it takes the images,
-        remains ``pose_uncertainty``. Default: values are read with the planned poses.
+        remains ``pose_uncertainty``. With ``Registration.none()`` values are read with the planned
+        poses, and lamps need not show what registration takes. Default: the same, but lamps do.
     edge_break_mm : (float, float), optional
         By how much the part's edges are broken along their faces, least and most, mm, such as
         (0.1, 0.3). A `Dimension` may state its own. The camera sees a broken edge next to the edge
@@ -252,7 +253,7 @@ class InspectionOptions(RunOptions):
 
     @property
     def registration_record(self) -> RegistrationRecord | None:
-        """How poses are known when values are read, as a request states it; None for no better than planned.
+        """How poses are known when values are read, as a request states it; None if it is not stated.
 
         Raises
         ------
@@ -270,7 +271,7 @@ class InspectionOptions(RunOptions):
                 "must be Registration.own_edges() or a PoseUncertainty",
                 kind_shown(registration),
             )
-        planned: RegistrationRecord | None = registration.planned()
+        planned: RegistrationRecord = registration.planned()
         return planned
 
     def requirements(self, camera: Camera, pose_uncertainty: PoseUncertainty) -> Requirements:

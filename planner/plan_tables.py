@@ -237,7 +237,7 @@ class PlanTables(ShownInNotebook):
         headings = ("", "camera at (mm)", items, f"smallest {self._promised}", "simulated")
         return NotebookView(
             f"Plan of {self.part or 'a part'}",
-            (self._verdict(), self._caption()),
+            (self._verdict(), self._caption(), *self._edges_lines()),
             NotebookTable(headings, rows, right=(0,)),
             self.uninspectable,
         )
@@ -282,6 +282,16 @@ class PlanTables(ShownInNotebook):
             f"{self.lower_bound} needed{dark}), {accuracy}P ≥ {self.probability:g}"
             f"{'; ' if self.features_text else ''}{self.features_text}"
         )
+
+    def _edges_lines(self) -> list[str]:
+        """Say what breaks of edges do to U, if nothing is stated of them."""
+        text = import_module("planner.report.wording").brief_edges_text(self)
+        if ". State " not in text:
+            return []
+        # the last sentence is of the command line
+        return [
+            f"Edges: {text.partition('. State ')[0]}. State edge_break_mm, in planning and in measuring."
+        ]
 
     def _target_values(self, name: str) -> dict[str, Any]:
         """Return what is to be measured, and how well."""

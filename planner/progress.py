@@ -268,14 +268,52 @@ def reading_shown(
     # the package takes long to load, and commands that read no part do without it
     from aspectgraph.phases import phases_reported_to
 
+    with (
+        _passing(lines=lines, begun=begun, most_silent_s=most_silent_s) as progress,
+        phases_reported_to(progress),
+    ):
+        yield
+
+
+@contextmanager
+def work_shown(*, quiet: bool = False, lines: bool = False) -> Iterator[Progress | None]:
+    """Show what short work is busy with: bars on a terminal until it is done, otherwise lines of what takes long.
+
+    Parameters
+    ----------
+    quiet : bool
+        Show nothing.
+    lines : bool
+        Lines on standard error for everything, also on a terminal.
+    """
+    if quiet:
+        with _compiling(None):
+            yield None
+        return
+    shown = _passing(lines=lines, most_silent_s=WATCHED_S, first_s=_FIRST_WORD_S)
+    with shown as progress, _compiling(progress):
+        yield progress
+
+
+@contextmanager
+def _passing(
+    *,
+    lines: bool,
+    begun: float | None = None,
+    most_silent_s: float | None = None,
+    first_s: float | None = None,
+) -> Iterator[Progress]:
+    """Yield what shows bars on a terminal that do not stay, or else lines of what takes long; see `reading_shown`."""
     if sys.stderr.isatty() and not lines:
-        with _bars(sys.stderr, transient=True) as progress, phases_reported_to(progress):
-            yield
+        with _bars(sys.stderr, transient=True) as bars:
+            yield bars
         return
     stream = _LineStream(sys.stderr)
-    lines_shown = _Waiting(stream, all_told=lines, begun=begun, most_silent_s=most_silent_s)
-    with lines_shown as waiting, phases_reported_to(waiting):
-        yield
+    waiting = _Waiting(
+        stream, all_told=lines, begun=begun, most_silent_s=most_silent_s, first_s=first_s
+    )
+    with waiting as progress:
+        yield progress
 
 
 class _Waiting:
@@ -291,6 +329,8 @@ class _Waiting:
         Since when whoever waits has seen nothing, of `time.monotonic`. Default: now.
     most_silent_s : float, optional
         As `terminal_progress` takes it.
+    first_s : float, optional
+        When the first line of a stage is due. Default: soon where the time is limited, otherwise later.
     """
 
     def __init__(
@@ -300,6 +340,7 @@ class _Waiting:
         all_told: bool,
         begun: float | None = None,
         most_silent_s: float | None = None,
+        first_s: float | None = None,
     ) -> None:
         self._stream = stream
         self._most_silent_s = most_silent_s
@@ -307,9 +348,8 @@ class _Waiting:
         self._state: tuple[int, int, str] | None = None
         self._since = time.monotonic() if begun is None else begun
         # another stage may have been silent before
-        self._first = (
-            _FIRST_WORD_S if most_silent_s is None else min(_FIRST_WATCHED_S, most_silent_s)
-        )
+        soon = _FIRST_WORD_S if most_silent_s is None else min(_FIRST_WATCHED_S, most_silent_s)
+        self._first = soon if first_s is None else first_s
         self._pause = self._first
         self._next = self._since + self._pause
         self._ended = threading.Event()

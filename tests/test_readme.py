@@ -62,7 +62,7 @@ def test_it_is_short():
     assert len(README.split()) <= 700
 
 
-def test_commands_run_as_printed(clone, capsys):
+def test_commands_run_as_printed(clone, capsys, stated_in_full):
     for command in OWN:
         assert main(words(command)[1:]) == 0, command
     out = capsys.readouterr().out

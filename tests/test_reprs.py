@@ -49,7 +49,9 @@ FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (
 BOX = Solid(list(product((0, 40), (0, 30), (0, 20))), FACES, name="box")
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-EFFORT = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000)
+EFFORT = Effort(
+    viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, margin_generations=3
+)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +60,7 @@ def eag():
 
 
 @pytest.fixture(scope="module")
-def plan(eag):
+def plan(eag, stated_in_full):
     return plan_inspection(
         BOX, {"top": 1, "side": 2}, CAMERA, UNCERTAINTY, accuracy=0.95, space=eag, effort=EFFORT
     )

@@ -101,6 +101,20 @@ class Carrier:
         return np.stack([np.ones(len(points)), off @ x, off @ y], axis=1)
 
 
+def faces_along(solid: Solid, edge_ids: Sequence[int], axis: FloatArray) -> npt.NDArray[np.int64]:
+    """Return the faces (n, 2) of the chords of a rim or arc: in each column those of one side of it.
+
+    Faces of an edge come in the order of their numbers, in which the facets of a wall may lie around the face that it
+    ends at. The side that is more level with the axis comes first.
+    """
+    faces = np.array([solid.edges[i].faces for i in edge_ids])
+    along = solid.normals[faces] @ axis
+    level = np.abs(along)
+    alike = np.isclose(level[:, 0], level[:, 1], rtol=0.0, atol=_ALIKE)
+    is_second = np.where(alike, along[:, 0] < along[:, 1], level[:, 0] < level[:, 1])
+    return np.where(is_second[:, None], faces[:, ::-1], faces)
+
+
 class Carriers:
     """The planes, cylinders and cones of a part that carry its sharp edges, rims and arcs.
 
@@ -136,7 +150,7 @@ class Carriers:
         any surface that is neither level nor parallel to the axis. What is missing is a plane or a cylinder of the
         curve's own.
         """
-        faces = np.array([self._solid.edges[i].faces for i in curve.edge_ids])
+        faces = faces_along(self._solid, curve.edge_ids, curve.axis)
         cosines = np.abs(self._solid.normals[faces] @ curve.axis)
         level = np.all(cosines >= _PERPENDICULAR, axis=0)
         parallel = bool(np.any(np.all(cosines <= _PARALLEL, axis=0)))

@@ -266,11 +266,34 @@ def check_inputs(options: Command) -> None:
             raise RequestError.of_rule(name, f"must be given with --{other}", "none")
     camera = values.get("camera")
     if camera is not None:
+        _check_no_part(camera, values.get("part"))
         _tell_exchanged(read_camera(camera), camera)
     # last, because a file that can be written takes a second to check
     for name in ("picture", "graphml", "write"):
         if values.get(name):
             check_file_place(values[name], f"--{name}", _kind(name, values[name]))
+
+
+def _check_no_part(camera: str, part: str | None) -> None:
+    """Refuse a part in the place of the camera; say so if the part is where the camera belongs."""
+    if not Path(camera).is_file() or not _is_part(camera):
+        return
+    rule = "must be a TOML file, or a name that 'aspectgraph cameras' lists"
+    hint = ""
+    if part is not None and Path(part).suffix.lower() == ".toml":
+        hint = f"the camera seems to be {part!r}, so exchange the two"
+    raise CameraError.of_rule("camera", rule, f"{camera!r}, a part", hint=hint)
+
+
+def _is_part(path: str) -> bool:
+    """Return whether the name of a file is that of a part."""
+    if Path(path).suffix.lower() in ("", ".toml"):
+        return False
+    # loads what takes long, and a camera rarely has another ending
+    from aspectgraph.read.part_file import MESH_SUFFIXES, STEP_SUFFIXES
+
+    name = Path(path).name.lower().removesuffix(".gz")
+    return name.endswith((*STEP_SUFFIXES, *MESH_SUFFIXES))
 
 
 def _tell_exchanged(camera: Camera, text: str) -> None:

@@ -41,11 +41,11 @@ from planner.files import (
 from planner.identity import PartRecord
 from planner.measuring.measurer import MeasureOptions, Measurer
 from planner.measuring.registration import Registration
-from planner.measuring.rehearsal import TRUTH, Rehearsal, Truth
+from planner.measuring.rehearsal import TRUTH, Rehearsal, Truth, write_images
 from planner.measuring.results import FORMAT, MeasurementResults
 from planner.measuring.task import REPEATABILITY
 from planner.plan import read_plan
-from planner.progress import terminal_progress, visible
+from planner.progress import report, terminal_progress, visible, work_shown
 from planner.report import terminal_tables
 from planner.report.measured_report import measured_html, print_results
 from planner.text_table import print_text
@@ -103,7 +103,9 @@ def measure(options: Measure) -> int:
         # what can be read only once has no digest
         path = Path(options.part)
         digest = file_digest(path) if path.is_file() else ""
-        measurer = Measurer(plan, solid, part_file_sha256=digest)
+        with work_shown(quiet=options.quiet, lines=options.verbose) as progress:
+            report(progress, 0, 1, "preparing the part")
+            measurer = Measurer(plan, solid, part_file_sha256=digest)
         outcomes = [_measured(measurer, part, measure_options, options) for part in parts]
     reasons = {
         part.serial: outcome
@@ -149,10 +151,15 @@ def render(options: Render) -> int:
             which = "the light that was requested is not planned yet"
             why = which if plan.light_missing else "the plan has no light"
             write_error(f"aspectgraph: {why}; a lamp on the camera lights the images")
+        if not options.quiet and options.surfaces_mm is None and not rehearsal.truth.surfaces_mm:
+            write_error(
+                "aspectgraph: the plan states no deviation of faces, so the part is rendered as designed; "
+                "--surfaces-mm makes it deviate"
+            )
         with terminal_progress(
             quiet=options.quiet, lines=options.verbose, waiting=True
         ) as progress:
-            files = rehearsal.write(out, "--out", progress)
+            files = write_images(rehearsal, out, "--out", progress)
     if options.json:
         print_json(to_plain(rehearsal.truth))
     else:
@@ -182,15 +189,18 @@ def _measured(
         if not part.images.is_dir():
             kind = "a link that leads nowhere" if part.images.is_symlink() else "a pipe or a device"
             raise RequestError.of_rule("images", "must be an existing folder", kind)
-        results = measurer.measure(
-            part.images,
-            measure_options,
-            serial=part.serial,
-            operator=name_text(options.operator or ""),
-            partial=options.partial,
-            allow_lossy=options.allow_lossy,
-        )
-        _write(results, part.out, options.qif)
+        with work_shown(quiet=options.quiet, lines=options.verbose) as progress:
+            results = measurer.measure(
+                part.images,
+                measure_options,
+                serial=part.serial,
+                operator=name_text(options.operator or ""),
+                partial=options.partial,
+                allow_lossy=options.allow_lossy,
+                progress=progress,
+            )
+            report(progress, 0, 1, "writing results")
+            _write(results, part.out, options.qif)
     except Exception as error:
         if not options.parts or shortage(error) is not None:
             raise

@@ -109,7 +109,8 @@ def _record(kind: type[Command], words: Sequence[str]) -> Command | str:
     program = _program(kind)
     # what cyclopts has read once it has looked at all options, also where it refuses a value then
     arguments: list[Argument] = []
-    app = _app(kind, config=lambda _, __, collection: arguments.extend(collection))
+    app = _app(kind)
+    app.config = (lambda _, __, collection: arguments.extend(collection),)
     failure = None
     bound = None
     unused: Sequence[str] = ()
@@ -216,9 +217,24 @@ def _worded(error: CycloptsError | None) -> str:
     return f"{argument.name} must have no value. Got {value}"
 
 
-def _app(kind: type[Command], config: Any = None) -> App:
+# by command: they hold nothing of what was typed
+_apps: dict[type[Command], App] = {}
+_arguments: dict[type[Command], tuple[Argument, ...]] = {}
+
+
+def _app(kind: type[Command]) -> App:
     """Return what reads the options of one command."""
-    kind.__signature__ = signature_of(kind)  # type: ignore[attr-defined]
+    if kind not in _apps:
+        _apps[kind] = _made_app(kind)
+    return _apps[kind]
+
+
+def _made_app(kind: type[Command]) -> App:
+    def record(*arguments: Any, **options: Any) -> Command:
+        return kind(*arguments, **options)
+
+    # of a class, cyclopts would work out the types of all fields several times for each command line
+    record.__signature__ = signature_of(kind)  # type: ignore[attr-defined]
     plain = Parameter(
         negative=(),
         allow_repeating=True,
@@ -226,18 +242,20 @@ def _app(kind: type[Command], config: Any = None) -> App:
         json_dict=False,
         json_list=False,
     )
-    app = App(
-        default_parameter=plain, config=config, help_flags=(), version_flags=(), version="unknown"
-    )
-    app.default(kind)
+    app = App(default_parameter=plain, help_flags=(), version_flags=(), version="unknown")
+    app.default(record)
     return app
 
 
-def arguments_of(kind: type[Command]) -> list[Argument]:
-    """Return arguments and options of a command."""
-    app = _app(kind)
-    plain = app.default_parameter
-    return list(app.assemble_argument_collection(default_parameter=plain, parse_docstring=False))
+def arguments_of(kind: type[Command]) -> tuple[Argument, ...]:
+    """Return arguments and options of a command, without what was typed."""
+    if kind not in _arguments:
+        app = _app(kind)
+        plain = app.default_parameter
+        _arguments[kind] = tuple(
+            app.assemble_argument_collection(default_parameter=plain, parse_docstring=False)
+        )
+    return _arguments[kind]
 
 
 def choices_of(argument: Argument) -> list[str]:

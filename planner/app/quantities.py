@@ -221,7 +221,7 @@ def sigma_pair(text: str) -> tuple[float, float]:
     )
 
 
-def registration(text: str) -> RegistrationRecord | None:
+def registration(text: str) -> RegistrationRecord:
     """Return how poses are known when values are read.
 
     Parameters
@@ -236,10 +236,10 @@ def registration(text: str) -> RegistrationRecord | None:
     """
     # here, because they load numpy
     from planner.camera.pose import PoseUncertainty
-    from planner.request.registration import GIVEN, OWN_EDGES, RegistrationRecord
+    from planner.request.registration import GIVEN, OWN_EDGES, PLANNED, RegistrationRecord
 
     if text == "none":
-        return None
+        return RegistrationRecord(PLANNED)
     if text == "edges":
         return RegistrationRecord(OWN_EDGES)
     try:

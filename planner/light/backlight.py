@@ -199,10 +199,9 @@ class Backlight:
     @property
     def reason(self) -> str:
         """Why a target is not shown."""
-        wall = "too narrow in the image" if self.on_metal else "less than 3 px wide in the image"
         return (
-            "is not the outline of the part in front of the backlight, at the camera or nearby, or an end of it has no "
-            f"other line in front of the backlight, or a wall next to it that reflects the backlight is {wall}"
+            "is not the outline of the part in front of the backlight, with a line at each end and clear of narrow "
+            "walls that reflect it"
         )
 
     @property

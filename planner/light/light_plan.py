@@ -228,8 +228,8 @@ class LightPlan(ShownInNotebook):
             n = sum(map(len, self.unlit))
             return Toned(f"{count(n, 'target is', 'targets are')} not lit.", "bad")
         if not self.minimal:
-            return Toned("Every target is lit; fewer lamps may be enough.", "open")
-        return Toned("Every target is lit; fewer lamps are not enough.", "good")
+            return Toned("Every target of the settings is lit; fewer lamps may be enough.", "open")
+        return Toned("Every target of the settings is lit; fewer lamps are not enough.", "good")
 
     @property
     def complete(self) -> bool:
@@ -306,6 +306,10 @@ _DIGITS = 3
 _REGION_PX = 10
 # an evenly lit region, with what is around it: its darkest place has this share of the light of the brightest
 _EVEN = 0.9
+# one that is less even says little of the light next to targets
+_LEAST_EVEN = 0.7
+# a region with less of the brightest light is too dark to be exposed for
+_LEAST_OF_BRIGHTEST = 0.1
 # a region's share of white is at most this, so that it is not overexposed itself
 _MOST_WHITE = 0.9
 # where more of what is lit would be overexposed, there is less light, down to this share
@@ -389,15 +393,21 @@ def exposure(
     exposed = Exposure(target, (u, v), weakest, float(f"{times:.{_DIGITS}g}"), share=white)
     if spread_px <= 0:
         return exposed
+    best = None
     reach = _REGION_PX + spread_px
     for _ in range(_HALVINGS):
         region = _even_region(light_at, camera, reach)
-        if region is not None:
-            pixel, share = region
-            of_region = float(f"{share * white:.2g}")
-            return exposed._replace(pixel=pixel, radius_px=_REGION_PX, share=of_region)
+        if region is not None and (best is None or region.evenness > best.evenness):
+            best = region
+        if best is not None and best.evenness >= _EVEN:
+            break
         reach /= 2
-    return exposed
+    if best is None or best.evenness < _LEAST_EVEN:
+        return exposed
+    radius = min(_REGION_PX, int(best.reach))
+    return exposed._replace(
+        pixel=best.pixel, radius_px=radius, share=float(f"{best.share * white:.2g}")
+    )
 
 
 def white_share(light: Array) -> float:
@@ -427,19 +437,31 @@ def _grid(camera: Camera, n_pixels: int, least_step: float = 1.0) -> tuple[float
     return step, np.stack(np.meshgrid(u, v), axis=-1)
 
 
+class _Region(NamedTuple):
+    """A region of an image: its middle, px, its darkest place as a share of the brightest light next to targets.
+
+    And that place as a share of its own brightest one, all of it up to a reach around the middle, px.
+    """
+
+    pixel: tuple[int, int]
+    share: float
+    evenness: float
+    reach: float
+
+
 def _even_region(
     light_at: Callable[[Array], Array], camera: Camera, reach: float
-) -> tuple[tuple[int, int], float] | None:
-    """Return the middle of a region that is lit up to a reach around it, px, and its share of the brightest light.
+) -> _Region | None:
+    """Return a region that is lit up to a reach around it, px; None if there is none.
 
-    Of evenly lit ones it is the brightest, otherwise the evenest. None if there is none.
+    Of evenly lit ones it is the brightest, otherwise the evenest.
     """
     step, grid = _grid(camera, _MOST_PIXELS, reach / _WITHIN)
     light = light_at(grid.reshape(-1, 2)).reshape(grid.shape[:2])
     size = 2 * math.ceil(reach / step) + 1
     low = minimum_filter(light, size, mode="constant", cval=0.0)
     high = maximum_filter(light, size, mode="constant", cval=0.0)
-    is_lit = (low > 0) & (WHITE_SHARE * high <= _MOST_WHITE)
+    is_lit = (low >= _LEAST_OF_BRIGHTEST) & (WHITE_SHARE * high <= _MOST_WHITE)
     if not is_lit.any():
         return None
     even = np.where(is_lit, low / np.where(is_lit, high, 1.0), 0.0)
@@ -447,7 +469,7 @@ def _even_region(
     at = int(np.argmax(np.round(worth / _SAME).ravel()))
     pixel = np.rint(grid.reshape(-1, 2)[at]).astype(int).tolist()
     # the darkest place around it counts, so that nothing beside edges is overexposed
-    return (pixel[0], pixel[1]), float(low.ravel()[at])
+    return _Region((pixel[0], pixel[1]), float(low.ravel()[at]), float(even.ravel()[at]), reach)
 
 
 def spread_px(plan: Planned, cam2world: Array, points: Array) -> float:

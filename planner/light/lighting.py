@@ -416,8 +416,8 @@ class Readers:
         Pose and camera of each setting.
     setting : array of int (pairs,)
         The setting of each pair.
-    targets : sequence of TargetReads or None
-        Of each pair; None of one that is a length in the image, of which `Corners` tells.
+    targets : sequence of TargetReads
+        Of each pair.
     background : float
         Light behind the part, 0 or 1.
     progress : callable, optional
@@ -427,7 +427,7 @@ class Readers:
     reads: Reads
     settings: Sequence[tuple[Array, Camera]]
     setting: NDArray[np.int_]
-    targets: Sequence[TargetReads | None]
+    targets: Sequence[TargetReads]
     background: float
     progress: Progress | None = None
 
@@ -446,13 +446,10 @@ class Readers:
             (np.asarray(setting.cam2world, dtype=np.float64), plan.camera)
             for setting in plan.settings
         ]
-        targets: list[TargetReads | None] = []
+        targets: list[TargetReads] = []
         for pair in pairs:
             target = targets_of(plan.targets, plan.settings[pair.setting])[pair.name]
-            pose = settings[pair.setting]
-            targets.append(
-                None if target.has_corners else reads.of_target(*pose, target, background)
-            )
+            targets.append(reads.of_target(*settings[pair.setting], target, background))
         numbers = np.array([pair.setting for pair in pairs], dtype=int)
         return cls(reads, settings, numbers, targets, background, progress)
 
@@ -464,7 +461,7 @@ class Readers:
         report(self.progress, 0, total, "light that is read")
         for k, target in enumerate(self.targets):
             rows = np.flatnonzero(shown[:, k])
-            if target is not None and len(rows):
+            if len(rows):
                 is_read[rows, k] = target.shown(places[rows])
             report(self.progress, k + 1, total, "light that is read")
         for number, pose in enumerate(self.settings):
@@ -477,18 +474,15 @@ class Readers:
         return is_read & (reserve >= 0), reserve
 
     def _whites(self, pairs: NDArray[np.int_], places: Array) -> Array:
-        """Return what is overexposed (n, p) under lamps (n, 3) in images for each of some pairs; inf of lengths."""
-        whites = np.full((len(places), len(pairs)), np.inf)
+        """Return what is overexposed (n, p) under lamps (n, 3) in images for each of some pairs."""
+        whites = np.empty((len(places), len(pairs)))
         for column, pair in enumerate(pairs.tolist()):
-            target = self.targets[pair]
-            if target is not None:
-                whites[:, column] = target.white(places)
+            whites[:, column] = self.targets[pair].white(places)
         return whites
 
     def why_not(self, pair: int) -> str:
         """Say why a pair is not read under any lamp; empty if it may be."""
-        target = self.targets[pair]
-        return "" if target is None else target.reason
+        return self.targets[pair].reason
 
 
 @dataclass

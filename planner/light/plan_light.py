@@ -201,6 +201,9 @@ def plan_light(
     visible at each end. If it requires separation, no shadow may end within that distance of the
     edge or that line.
 
+    Whether `measure` will find enough of each target is not checked here. `plan_inspection` with
+    ``lamps`` checks it, and moves the camera where it has to.
+
     The light of lamps that are on together (`Lighting.together`) adds up. The program then checks
     nine points of every edge, for lamps of equal strength; see `planner.light.corner_light`.
 
@@ -621,11 +624,12 @@ def _why_dark(served: Served, i: int) -> str:
     behind += _SHADOW if served.clear_beside(i) else ""
     behind += _MIRRORED if served.glare is not None else ""
     start = f"none of {n} lamps shows it" if n > 1 else "the lamp does not show it"
-    return (
-        f"{start}: {even.sum()} with a contrast under {served.least_contrast:g}, {weak.sum()} with a step "
-        f"under {served.least_step:g}, {n - (even | weak).sum()} not lighting all of it{behind}"
-        f"{served.unread_text(i)}."
+    counts = (
+        (even.sum(), f"with a contrast under {served.least_contrast:g}"),
+        (weak.sum(), f"with a step under {served.least_step:g}"),
+        (n - (even | weak).sum(), f"not lighting all of it{behind}{served.unread_text(i)}"),
     )
+    return f"{start}: {', '.join(f'{k} {why}' for k, why in counts if k)}."
 
 
 def _formula(light: LightRegions, name: str, places: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -40,6 +40,8 @@ MOST_PLANNED = 0.3
 """The same of an image that is exposed as a plan says, away from its targets."""
 BRIGHT_SHARE = 0.995
 """An image is as bright as this share of its pixels at most."""
+BRIGHT_PIXELS = 2_000
+"""Or as all but so many pixels, if these are fewer: a part may fill little of a large sensor."""
 DARK_SHARE = 0.25
 """Share of white below which an image is dark."""
 WELL_EXPOSED = 0.8
@@ -324,7 +326,8 @@ class Picture:
     @property
     def bright_share(self) -> float:
         """How bright nearly all of the image is at most, as a share of white."""
-        return float(np.quantile(self.grey[::4, ::4], BRIGHT_SHARE)) / self.white
+        share = max(BRIGHT_SHARE, 1 - BRIGHT_PIXELS / self.grey.size)
+        return float(np.quantile(self.grey[::4, ::4], share)) / self.white
 
     @property
     def overexposed(self) -> bool:

@@ -6,16 +6,17 @@ E   light on a place of a face, as a share of what falls on a face lit frontally
 s   step of an edge: the difference of E on both of its sides
 
 The samples are those of `measure`. One counts as found if nothing hides it, no other line is near, s is large enough,
-and no shadow ends near it. An image is exposed for its targets. Other edges beside which it is overexposed then
-register nothing. All of this is computed for the nominal part and the planned pose, and a reserve is kept.
+and no shadow ends near it. A length also needs a line at each corner, of which enough is found. An image is exposed
+for its targets. Other edges beside which it is overexposed then register nothing. All of this is computed for the
+nominal part and the planned pose, and a reserve is kept.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,23 +28,24 @@ from planner.camera.camera import Camera
 from planner.detectability.image_check import COVERAGE_SHARE, SECTORS
 from planner.light.area_light import AreaLight, EdgePoints, Sight, StandingLight
 from planner.light.light_plan import WHITE_SHARE
+from planner.measuring.corners import ARM_SHARE, LEAST_ANGLE_DEG, arms_of, ends_of, near_corner
 from planner.measuring.registered import Faces
 from planner.measuring.samples import (
     APART_PX,
+    PART_WORDS,
     EdgeTable,
     PartEdge,
     PartModel,
     Samples,
     ShownEdges,
     across_of,
+    numbers_of_parts,
+    parts_of,
     pixels_of,
 )
 from planner.measuring.verdict import Sampled
 from planner.request.registration import OWN_EDGES, RegistrationRecord
 from planner.request.targets import Target
-
-if TYPE_CHECKING:
-    from planner.plan import InspectionPlan
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -58,8 +60,8 @@ RESERVE = 0.08
 
 Shadows take more in images, and so does overexposure: of an image with 0.64 by count, 0.57 was found.
 """
-LEAST_OF_SECTOR = 0.4
-"""And this share of each of its twelfths."""
+LEAST_OF_PART = 0.4
+"""And this share of each of its twelfths, see `planner.measuring.samples.parts_of`."""
 LEAST_EDGE_STEP = 0.03
 """The same as `LEAST_STEP` of the edges that an image is registered to: some of them may be missed."""
 LEAST_REGISTERED = 0.6
@@ -198,50 +200,110 @@ class EntityLight:
         Whether nothing hides them and no other line is near.
     sides : _Sides or None
         None of an entity with too few samples.
+    n_parts : int
+        In how many parts of it something must be found.
+    coverage : float
+        Share of the samples that must be found.
     """
 
     name: str
     share: Array
     usable: Bools
     sides: _Sides | None
-
-    def covers(self, found: Bools, reserve: float, least_of_sector: float) -> Bools:
-        """Tell of samples that are found (n, m) whether they are enough to be measured, with a reserve."""
-        low = self.share.min()
-        high = self.share.max()
-        sector = ((self.share - low) / max(high - low, 1e-12) * SECTORS).astype(int)
-        holds = np.minimum(sector, SECTORS - 1)[:, None] == np.arange(SECTORS)
-        offered = holds.sum(axis=0)
-        needed = np.maximum(least_of_sector * offered, offered > 0)
-        enough = found.mean(axis=1) >= COVERAGE_SHARE + reserve
-        return np.asarray(enough & (found.astype(int) @ holds >= needed).all(axis=1))
-
-
-@dataclass(frozen=True)
-class TargetLight:
-    """What `measure` will read of a target in a setting, whose entities are these."""
-
-    entities: list[EntityLight]
+    n_parts: int = SECTORS
+    coverage: float = COVERAGE_SHARE
 
     @cached_property
     def reason(self) -> str:
         """Why no lamp helps; empty if one may."""
-        for entity in self.entities:
-            if entity.sides is None:
-                return f"the image of {entity.name} is too short"
-            if not entity.covers(entity.usable[None], RESERVE, LEAST_OF_SECTOR)[0]:
-                state = f"is visible and {APART_PX:.0f} px apart from other lines"
-                return _too_little(entity.name, entity.usable, state)
+        if self.sides is None:
+            return f"the image of {self.name} is too short"
+        if not self.covers(self.usable[None], RESERVE, LEAST_OF_PART)[0]:
+            state = f"is visible and {APART_PX:.0f} px apart from other lines"
+            return _too_little(self, self.usable, state)
         return ""
+
+    def shown(self, lamps: Array) -> Bools:
+        """Return under which lamps (n, 3) enough of the entity is found."""
+        if self.sides is None or self.reason:
+            return np.zeros(len(lamps), dtype=np.bool_)
+        is_found = self.sides.found(lamps) & self.usable
+        return self.covers(is_found, RESERVE, LEAST_OF_PART)
+
+    def covers(self, found: Bools, reserve: float, least_of_part: float) -> Bools:
+        """Tell of samples that are found (n, m) whether they are enough to be measured, with a reserve."""
+        part = numbers_of_parts(self.share, self.n_parts)
+        holds = part[:, None] == np.arange(self.n_parts)
+        offered = holds.sum(axis=0)
+        needed = np.maximum(least_of_part * offered, offered > 0)
+        enough = found.mean(axis=1) >= self.coverage + reserve
+        return np.asarray(enough & (found.astype(int) @ holds >= needed).all(axis=1))
+
+
+@dataclass(frozen=True)
+class EndLight:
+    """The lines that leave an end of a length at an angle in the image; one of them must be found.
+
+    Attributes
+    ----------
+    name : str
+        The edge.
+    arms : list of EntityLight
+        The lines, near the corner.
+    """
+
+    name: str
+    arms: list[EntityLight]
+
+    @cached_property
+    def reason(self) -> str:
+        """Why no lamp helps; empty if one may."""
+        if any(not arm.reason for arm in self.arms):
+            return ""
+        return _no_corner(self.name, [arm.reason for arm in self.arms])
+
+    def shown(self, lamps: Array) -> Bools:
+        """Return under which lamps (n, 3) enough of a line is found."""
+        readable = np.zeros(len(lamps), dtype=np.bool_)
+        for arm in self.arms:
+            rows = np.flatnonzero(~readable)
+            if len(rows):
+                readable[rows] = arm.shown(lamps[rows])
+        return readable
+
+
+@dataclass(frozen=True)
+class TargetLight:
+    """What `measure` will read of a target in a setting.
+
+    Attributes
+    ----------
+    entities : list of EntityLight
+        What it is a value of.
+    ends : list of EndLight
+        Of a length, the lines at its corners.
+    """
+
+    entities: list[EntityLight]
+    ends: list[EndLight] = field(default_factory=list)
+
+    @cached_property
+    def reason(self) -> str:
+        """Why no lamp helps; empty if one may."""
+        reasons = (lines.reason for lines in self._lines)
+        return next(filter(None, reasons), "")
+
+    @property
+    def _lines(self) -> list[EntityLight | EndLight]:
+        return [*self.entities, *self.ends]
 
     def shown(self, lamps: Array) -> Bools:
         """Return under which lamps (n, 3) enough of the target is found."""
         readable = np.full(len(lamps), not self.reason)
-        for entity in self.entities:
+        for lines in self._lines:
             rows = np.flatnonzero(readable)
-            if len(rows) and entity.sides is not None:
-                is_found = entity.sides.found(lamps[rows]) & entity.usable
-                readable[rows] = entity.covers(is_found, RESERVE, LEAST_OF_SECTOR)
+            if len(rows):
+                readable[rows] = lines.shown(lamps[rows])
         return readable
 
     def white(self, lamps: Array) -> Array:
@@ -297,20 +359,55 @@ class LitEdges:
         background : float
             Light behind the part, 0 or 1.
         """
-        shown = self.model.shown(cam2world, camera)
         entities = []
+        ends = []
         for shape in target.geometry:
             edge = self.model.entity(shape, target.name)
-            every = self.model.edges.samples(cam2world, camera, [edge], _MARGIN_PX)
-            samples = _thinned(every, _MOST_SAMPLES)
-            pixels = pixels_of(samples.points, cam2world, camera)
-            usable = samples.visible & shown.apart([edge], samples.edge, pixels)
-            sides = None
-            if len(usable) >= _LEAST_SAMPLES:
-                sampled = Sampled(self.model.edges.scene, camera, cam2world, [edge], samples)
-                sides = _Sides.of(sampled, _BESIDE_PX, background)
-            entities.append(EntityLight(edge.name, samples.share, usable, sides))
-        return TargetLight(entities)
+            samples = self._samples(edge, cam2world, camera)
+            entities.append(self._entity(edge, samples, cam2world, camera, background))
+            if not target.has_corners:
+                continue
+            for end in ends_of(edge):
+                arms = [
+                    self._entity(arm, near, cam2world, camera, background, is_arm=True)
+                    for arm, near in self._arms(edge, end, cam2world, camera)
+                ]
+                ends.append(EndLight(edge.name, arms))
+        return TargetLight(entities, ends)
+
+    def _samples(self, edge: PartEdge, cam2world: Array, camera: Camera) -> Samples:
+        """Return the samples of an edge in an image."""
+        return self.model.edges.samples(cam2world, camera, [edge], _MARGIN_PX)
+
+    def _arms(
+        self, edge: PartEdge, end: Array, cam2world: Array, camera: Camera
+    ) -> list[tuple[PartEdge, Samples]]:
+        """Return the lines of which one must be found at an end of a length, and their samples near it."""
+        arms = []
+        for arm, _ in arms_of(self.model, edge, end, cam2world, camera):
+            samples = self._samples(arm, cam2world, camera)
+            arms.append((arm, near_corner(samples, end, cam2world, camera)))
+        return arms
+
+    def _entity(
+        self,
+        edge: PartEdge,
+        every: Samples,
+        cam2world: Array,
+        camera: Camera,
+        background: float,
+        is_arm: bool = False,
+    ) -> EntityLight:
+        """Return an edge, or a line near a corner, as an image shows it."""
+        shown = self.model.shown(cam2world, camera)
+        samples = _thinned(every, _MOST_SAMPLES)
+        pixels = pixels_of(samples.points, cam2world, camera)
+        usable = samples.visible & shown.apart([edge], samples.edge, pixels)
+        sides = None
+        if len(usable) >= _LEAST_SAMPLES:
+            sampled = Sampled(self.model.edges.scene, camera, cam2world, [edge], samples)
+            sides = _Sides.of(sampled, _BESIDE_PX, background)
+        return EntityLight(edge.name, samples.share, usable, sides, *_needed(every, is_arm))
 
     def unread(self, cam2world: Array, camera: Camera, target: Target, area: AreaLight) -> str:
         """Return why too little of a target is found under a light with an area; empty if enough is.
@@ -323,28 +420,51 @@ class LitEdges:
             The light.
         """
         light = area.held(cam2world)
-        shown = self.model.shown(cam2world, camera)
-        edges = self.model.edges.edges
         for shape in target.geometry:
             edge = self.model.entity(shape, target.name)
-            every_sample = self.model.edges.samples(cam2world, camera, [edge], _MARGIN_PX)
-            samples = _thinned(every_sample, _MOST_SAMPLES)
-            if len(samples.share) < _LEAST_SAMPLES:
-                return f"the image of {edge.name} is too short"
-            lit = samples.visible & self._lit([edge], samples, cam2world, camera, light)
-            if _covers_too_little(edge, samples, lit):
-                return _too_little(edge.name, lit, "is shown")
-            pixels = pixels_of(samples.points, cam2world, camera)
-            distance, _ = cKDTree(np.nan_to_num(pixels, nan=_FAR_PX)).query(shown.pixels)
-            near = shown.samples.chosen(distance < APART_PX)
-            # lines that the light does not show do not matter
-            lines = near.chosen(self._lit(edges, near, cam2world, camera, light))
-            places = pixels_of(lines.points, cam2world, camera)
-            others = ShownEdges(edges, lines, places, shown.contours)
-            usable = lit & others.apart([edge], samples.edge, pixels)
-            if _covers_too_little(edge, samples, usable):
-                state = f"shows {APART_PX:.0f} px apart from other lines"
-                return _too_little(edge.name, usable, state)
+            samples = self._samples(edge, cam2world, camera)
+            text = self._unread_edge(edge, samples, cam2world, camera, light)
+            if text:
+                return text
+            for end in ends_of(edge) if target.has_corners else ():
+                reasons = [
+                    self._unread_edge(arm, near, cam2world, camera, light, is_arm=True)
+                    for arm, near in self._arms(edge, end, cam2world, camera)
+                ]
+                if all(reasons):
+                    return _no_corner(edge.name, reasons)
+        return ""
+
+    def _unread_edge(
+        self,
+        edge: PartEdge,
+        every: Samples,
+        cam2world: Array,
+        camera: Camera,
+        light: StandingLight,
+        is_arm: bool = False,
+    ) -> str:
+        """Return why a light with an area shows too little of an edge, or of a line near a corner; empty if enough."""
+        shown = self.model.shown(cam2world, camera)
+        samples = _thinned(every, _MOST_SAMPLES)
+        if len(samples.share) < _LEAST_SAMPLES:
+            return f"the image of {edge.name} is too short"
+        lit = samples.visible & self._lit([edge], samples, cam2world, camera, light)
+        entity = EntityLight(edge.name, samples.share, lit, None, *_needed(every, is_arm))
+        if not entity.covers(lit[None], RESERVE, LEAST_OF_PART)[0]:
+            return _too_little(entity, lit, "is shown")
+        pixels = pixels_of(samples.points, cam2world, camera)
+        distance, _ = cKDTree(np.nan_to_num(pixels, nan=_FAR_PX)).query(shown.pixels)
+        near = shown.samples.chosen(distance < APART_PX)
+        # lines that the light does not show do not matter
+        edges = self.model.edges.edges
+        lines = near.chosen(self._lit(edges, near, cam2world, camera, light))
+        places = pixels_of(lines.points, cam2world, camera)
+        others = ShownEdges(edges, lines, places, shown.contours)
+        usable = lit & others.apart([edge], samples.edge, pixels)
+        if not entity.covers(usable[None], RESERVE, LEAST_OF_PART)[0]:
+            state = f"shows {APART_PX:.0f} px apart from other lines"
+            return _too_little(entity, usable, state)
         return ""
 
     def _lit(
@@ -405,20 +525,28 @@ class LitEdges:
         return np.stack(shares, axis=1) if shares else np.zeros(whites.shape)
 
 
-def _covers_too_little(edge: PartEdge, samples: Samples, usable: Bools) -> bool:
-    """Return whether usable samples (m,) are too few of an edge, or of a twelfth of it, to be found."""
-    entity = EntityLight(edge.name, samples.share, usable, None)
-    return not entity.covers(usable[None], RESERVE, LEAST_OF_SECTOR)[0]
+def _needed(samples: Samples, is_arm: bool) -> tuple[int, float]:
+    """Return in how many parts of an edge or line near a corner something must be found, and which share of it."""
+    return (1, ARM_SHARE) if is_arm else (parts_of(len(samples.share)), COVERAGE_SHARE)
 
 
-def _too_little(name: str, usable: Bools, state: str) -> str:
+def _too_little(entity: EntityLight, usable: Bools, state: str) -> str:
     """Say that too few samples (m,) of an entity are usable, or too few of a twelfth of it."""
     share = float(usable.mean())
-    needed = COVERAGE_SHARE + RESERVE
+    needed = entity.coverage + RESERVE
     if share >= needed:
-        return f"too little of a twelfth of {name} {state}"
-    percents = f"only {100 * share:.0f} %" if share >= 0.005 else "none"
-    return f"{percents} of {name} {state}, and {100 * needed:.0f} % must be"
+        return f"too little of a {PART_WORDS[entity.n_parts - 2]} of {entity.name} {state}"
+    # as many digits as tell it from what is needed
+    digits = 0 if round(100 * share) < round(100 * needed) else 1
+    percents = f"only {100 * share:.{digits}f} %" if share >= 0.005 else "none"
+    return f"{percents} of {entity.name} {state}, and {100 * needed:.0f} % must be"
+
+
+def _no_corner(name: str, reasons: Sequence[str]) -> str:
+    """Say that no line at an end of an edge is found, and why not."""
+    if not reasons:
+        return f"no straight line leaves an end of {name} at {LEAST_ANGLE_DEG:.0f}° in the image"
+    return f"no line that leaves a corner of {name} is found: {'; '.join(reasons)}"
 
 
 def _thinned(samples: Samples, most: int) -> Samples:
@@ -429,10 +557,8 @@ def _thinned(samples: Samples, most: int) -> Samples:
     return samples.chosen(chosen)
 
 
-def reads_of(
-    solid: Solid, how: RegistrationRecord | None, targets: Iterable[Target]
-) -> LitEdges | None:
-    """Return what `measure` will find in images of a plan; None if it plans for no values.
+def reads_of(solid: Solid, how: RegistrationRecord | None) -> LitEdges:
+    """Return what `measure` will find in images of a plan.
 
     Parameters
     ----------
@@ -441,23 +567,5 @@ def reads_of(
     how : RegistrationRecord or None
         How poses are known when values are read; None if that is not stated: `measure` then registers images to the
         part's edges.
-    targets : iterable of Target
-        What is measured.
     """
-    if all(target.has_corners for target in targets):
-        return None
     return LitEdges(solid, how is None or how.method == OWN_EDGES)
-
-
-def reads_of_plan(plan: InspectionPlan, solid: Solid) -> LitEdges | None:
-    """Return what `measure` will find of what a plan inspects; None if it plans for no values.
-
-    Parameters
-    ----------
-    plan : InspectionPlan
-        The plan.
-    solid : Solid
-        Its part.
-    """
-    targets = (plan.targets[name] for name in plan.promises)
-    return reads_of(solid, plan.request.registration, targets)

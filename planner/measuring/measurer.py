@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 from collections.abc import Collection, Mapping
@@ -27,16 +28,16 @@ from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
 from planner.files import timestamp
 from planner.identity import PartRecord
-from planner.light.light_plan import beside, irradiance
 from planner.measuring.advice import (
     advice_of_images,
     advised,
+    image_notes,
     lacks_registration,
     of_poses,
     plan_notes,
     with_advice,
 )
-from planner.measuring.images import WELL_EXPOSED, ImageSet, Picture, Shot, read_images, shots_of
+from planner.measuring.images import ImageSet, Picture, Shot, read_images, shots_of
 from planner.measuring.merging import (
     ScannedEnd,
     joined_ends,
@@ -56,16 +57,18 @@ from planner.measuring.reading import (
 )
 from planner.measuring.register import bias_of, check_lens, looks_like, register_as_shown
 from planner.measuring.registered import Registered, as_given, prior_covariance
-from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Registration, locate
+from planner.measuring.registration import BOTH, NoFiducialsError, Registration, locate
 from planner.measuring.response import JudgedResponse, judge_response
 from planner.measuring.results import (
     MeasurementResults,
     Result,
     Source,
+    UnseenBreaks,
 )
-from planner.measuring.samples import CLIPPED_SHARE, POSE, PartEdge, PartModel
+from planner.measuring.samples import POSE, PartEdge, PartModel
 from planner.measuring.seen_breaks import (
     UNCLEAR_PX,
+    SeenBreak,
     edges_text,
     pixel_mm,
     seen_break,
@@ -81,165 +84,30 @@ from planner.measuring.task import (
     displacement_between,
     distance_of,
 )
+from planner.progress import Progress, labelled, report
 from planner.request.dimension import POSITIONS, is_one_sided
 from planner.request.edge_state import EdgeState, checked_break
-from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES
+from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES, PLANNED
 from planner.request.targets import Target, targets_of
 from planner.sensor_setting import SensorSetting, setting_name
 from planner.verify.setting_record import search_windows_px
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
-    from aspectgraph.solid.solid import RayScene
-    from planner.light.area_light import AreaLight
-    from planner.light.light_plan import LitImage
     from planner.plan import InspectionPlan
-
-
-# What is wrong with exposure and focus of images, and for what share of the time to expose
-# instead.
-
-
-LOST_SHARE = 0.05
-"""An overexposed share of a target's samples from which on its image has a note, if it is not measured."""
-
-# levels of light that places beside edges are sorted by
-_LEVELS = 20
-# of places at a level, and of levels that are not overexposed, to know how bright the part is
-_FEWEST = 5
-_FEWEST_LEVELS = 2
-
-
-def image_notes(
-    plan: InspectionPlan,
-    scene: RayScene,
-    pictures: Mapping[str, Picture],
-    registered: Mapping[str, Registered],
-    readings: Mapping[str, list[Reading]],
-) -> list[str]:
-    """Return notes on images.
-
-    Parameters
-    ----------
-    plan : InspectionPlan
-        The plan. Its lamps tell how bright the overexposed places are.
-    scene : RayScene
-        Of the part.
-    pictures : mapping of str to Picture
-        The images, by name.
-    registered : mapping of str to Registered
-        Their poses.
-    readings : mapping of str to list of Reading
-        What was read in them, by target.
-    """
-    lit = _lit_images(plan)
-    # what was stated of the part, and is not so
-    notes = [
-        f"{name}: {warning}"
-        for name, registration in registered.items()
-        for warning in registration.warnings
-    ]
-    for name, picture in pictures.items():
-        lost = [
-            reading.name
-            for target_readings in readings.values()
-            for reading in target_readings
-            if reading.image == name
-            and not reading.measured
-            and reading.overexposed_share > LOST_SHARE
-        ]
-        share = None
-        if name in lit and (lost or picture.overexposed):
-            k, image = lit[name]
-            setting = plan.settings[k]
-            targets = targets_of(plan.targets, setting)
-            pose = registered[name].cam2world if name in registered else setting.cam2world
-            assert plan.light is not None
-            share = exposure_share(
-                picture,
-                scene,
-                np.asarray(pose),
-                {name: targets[name].points for name in image.contrast},
-                plan.light.area or plan.light.lamps[list(image.lamps)],
-            )
-        blur = registered[name].blur_px if name in registered else 0.0
-        notes += [
-            f"{name}: {note}" for note in picture.notes(blur, lost, share, planned=name in lit)
-        ]
-    return notes
-
-
-def _lit_images(plan: InspectionPlan) -> dict[str, tuple[int, LitImage]]:
-    """Return setting and lamps of each image, by name; none of a plan without lamps."""
-    images = () if plan.light is None else plan.light.images
-    return {
-        setting_name(k, i if len(setting_images) > 1 else None): (k, image)
-        for k, setting_images in enumerate(images)
-        for i, image in enumerate(setting_images)
-    }
-
-
-def exposure_share(
-    picture: Picture,
-    scene: RayScene,
-    cam2world: NDArray[np.float64],
-    points: Mapping[str, NDArray[np.float64]],
-    lamps: NDArray[np.float64] | AreaLight,
-) -> float | None:
-    """Return for what share of the time to expose, so that the brightest place beside edges has 80 % of white.
-
-    How bright the part is, is seen where the image is not overexposed. How much brighter the brightest place is, is
-    computed for a matt part.
-
-    Parameters
-    ----------
-    picture : Picture
-        The image.
-    scene : RayScene
-        Of the part.
-    cam2world : array (4, 4)
-        Pose of the camera.
-    points : mapping of str to array (n, 3)
-        Points on the edges of each target, mm.
-    lamps : array (k, 3) or AreaLight
-        The lamps that were on, mm, or the light with an area.
-
-    Returns
-    -------
-    float or None
-        Below 1. None if too little is not overexposed, or if the light does not explain that anything is.
-    """
-    rings = [
-        beside(picture.camera, cam2world, target_points).reshape(-1, 2)
-        for target_points in points.values()
-    ]
-    pixels = np.concatenate(rings)
-    light = irradiance(scene, cam2world, picture.camera, pixels, lamps)
-    u, v = np.rint(pixels[light > 0]).astype(int).T
-    levels, shares = _by_light(light[light > 0], picture.grey[v, u] / picture.white)
-    # where half of the places are overexposed, and where there is more light, nothing is seen
-    fair = np.logical_and.accumulate(shares < picture.clipped_from / picture.white)
-    if fair.sum() < _FEWEST_LEVELS:
-        return None
-    # a line, as some light comes from everywhere
-    slope, base = np.polyfit(levels[fair], shares[fair], 1)
-    full = base + slope * light.max()
-    return WELL_EXPOSED / float(full) if full > CLIPPED_SHARE else None
-
-
-def _by_light(
-    light: NDArray[np.float64], shares: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return levels of light in rising order, and the median share of white at each; rare levels are left out."""
-    number = np.minimum((_LEVELS * light / light.max(initial=0.0)).astype(int), _LEVELS - 1)
-    usual = [k for k in range(_LEVELS) if (number == k).sum() >= _FEWEST]
-    levels = np.array([np.median(light[number == k]) for k in usual])
-    return levels, np.array([np.median(shares[number == k]) for k in usual])
 
 
 NEAR_PX = 3.0
 """Entities are searched this far from a registered prediction, px."""
 
+# what progress calls the stages of measuring
+_PREPARING = "preparing images"
+_REGISTERING = "registering images"
+_AGAIN = "registering images again"
+_JUDGING = "comparing edges in all images"
+_JOINING = "joining images"
+_READING = "measuring in images"
+_DECIDING = "deciding"
 # windows of unregistered images begin with the plan's, which are three standard deviations wide
 _ROOM_PX = 2.0
 # with a wider window, more samples have another line in it
@@ -436,6 +304,7 @@ class Measurer:
         operator: str = "",
         partial: bool = False,
         allow_lossy: bool = False,
+        progress: Progress | None = None,
     ) -> MeasurementResults:
         """Measure one part.
 
@@ -453,6 +322,8 @@ class Measurer:
             Whether images may be missing.
         allow_lossy : bool
             Whether JPEG files are accepted.
+        progress : callable, optional
+            Takes how many images are done, of how many, and a label.
 
         Returns
         -------
@@ -465,41 +336,38 @@ class Measurer:
             If images are missing or wrong.
         """
         camera = self._camera(options)
+        report(progress, 0, len(self.shots), _PREPARING)
         image_set = read_images(
             images, self.shots, camera, partial=partial, allow_lossy=allow_lossy
         )
-        pictures = {
-            name: Picture.of(name, image, camera, image_set.responses.get(name))
-            for name, image in image_set.images.items()
-        }
-        registered, failed = self._all_registered(pictures, options)
+        pictures = _pictures(image_set, camera, progress)
+        registered, failed = self._all_registered(pictures, options, progress)
         poses = registered | self._alone(failed, pictures, options)
-        seen = seen_break(self.model, pictures, poses)
-        edge_notes = seen_notes(seen, self.edge_state(options))
-        uses_seen = seen is not None and not self.edge_state(options).stated
-        is_broken = seen is not None or self._is_wide(self.edge_state(options), poses)
-        response = judge_response(
-            self.model, pictures, poses, self._edges_half_px(poses), is_broken
-        )
+        seen, response = self._judged(pictures, poses, options, progress)
         pictures = response.pictures
-        if seen is not None and uses_seen:
-            options = replace(options, edge_break_mm=seen.limits_mm)
-        if response.is_changed or uses_seen:
-            registered, failed = self._all_registered(pictures, options)
-        joint = self._joined(response.pictures, registered, options)
-        readings = self._readings(response, registered, joint, options)
+        again = labelled(progress, _AGAIN)
+        broken = None
+        if seen is not None and not self.edge_state(options).stated:
+            broken = self._broken(seen, pictures, options, failed, again)
+            seen = seen if broken is not None else None
+        edge_notes = seen_notes(seen, self.edge_state(options))
+        if broken is not None:
+            options, registered, failed = broken
+        elif response.is_changed:
+            registered, failed = self._all_registered(pictures, options, again)
+        joint = self._joined(response.pictures, registered, options, progress)
+        readings = self._readings(response, registered, joint, options, progress)
+        report(progress, 0, 1, _DECIDING)
         self._add_unregistered(readings, failed)
         results = self._merged(readings, joint, options.rule)
         results |= self._not_planned(options.rule)
         why = self._why_unregistered(failed)
         results |= self._of_several_images(response, registered, why, joint, options)
-        scene = self.model.edges.scene
-        notes = image_notes(self.plan, scene, pictures, registered, readings)
+        notes = image_notes(self.plan, self.model.edges.scene, pictures, registered, readings)
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
-        poses_of_images = [image.cam2world for image in registered.values()]
-        limit_mm = unseen_mm(self.plan.camera, self.model.solid, poses_of_images)
-        unseen = unseen_breaks(results, states, limit_mm, options.rule)
+        unseen = self._unseen(results, states, registered, options)
         of_images = (*image_set.notes, *response.notes(readings), *edge_notes, *joint.notes)
+        report(progress, 1, 1, _DECIDING)
         return MeasurementResults(
             {name: self._with_foreseen(results[name]) for name in self.plan.entities},
             {name: replace(image, evidence=None) for name, image in registered.items()},
@@ -511,9 +379,55 @@ class Measurer:
             (*of_images, *notes, *plan_notes(self.plan, options.registration, images)),
             pictures,
             response.records(),
-            edges_text(results, states, unseen) + (" (as images show)" if uses_seen else ""),
+            edges_text(results, states, unseen)
+            + (" (as images show)" if broken is not None else ""),
             unseen,
         )
+
+    def _unseen(
+        self,
+        results: Mapping[str, Result],
+        states: Mapping[str, EdgeState],
+        registered: Mapping[str, Registered],
+        options: MeasureOptions,
+    ) -> UnseenBreaks | None:
+        """Return what breaks would do that images do not show."""
+        poses = [image.cam2world for image in registered.values()]
+        limit_mm = unseen_mm(self.plan.camera, self.model.solid, poses)
+        return unseen_breaks(results, states, limit_mm, options.rule)
+
+    def _broken(
+        self,
+        seen: SeenBreak,
+        pictures: Mapping[str, Picture],
+        options: MeasureOptions,
+        failed: Collection[str],
+        progress: Progress | None,
+    ) -> tuple[MeasureOptions, dict[str, Registered], dict[str, tuple[str, str]]] | None:
+        """Return the options with breaks that images show, and what is registered with them.
+
+        None if fewer images are registered then: faces that deviate look like breaks in one image, and others speak
+        against these.
+        """
+        options = replace(options, edge_break_mm=seen.limits_mm)
+        registered, still_failed = self._all_registered(pictures, options, progress)
+        return None if len(still_failed) > len(failed) else (options, registered, still_failed)
+
+    def _judged(
+        self,
+        pictures: Mapping[str, Picture],
+        poses: Mapping[str, Registered],
+        options: MeasureOptions,
+        progress: Progress | None,
+    ) -> tuple[SeenBreak | None, JudgedResponse]:
+        """Return what edges in all images tell of their breaks, and of the response of the camera."""
+        report(progress, 0, 1, _JUDGING)
+        seen = seen_break(self.model, pictures, poses)
+        is_broken = seen is not None or self._is_wide(self.edge_state(options), poses)
+        half_px = self._edges_half_px(poses)
+        response = judge_response(self.model, pictures, poses, half_px, is_broken)
+        report(progress, 1, 1, _JUDGING)
+        return seen, response
 
     def _with_foreseen(self, result: Result) -> Result:
         """Return a result with U as the plan foresaw it, in the surest of the settings whose images there are.
@@ -562,12 +476,16 @@ class Measurer:
         return camera
 
     def _all_registered(
-        self, pictures: Mapping[str, Picture], options: MeasureOptions
+        self,
+        pictures: Mapping[str, Picture],
+        options: MeasureOptions,
+        progress: Progress | None = None,
     ) -> tuple[dict[str, Registered], dict[str, tuple[str, str]]]:
         """Return the registrations of images, and why others cannot be registered, with advice."""
         registered: dict[str, Registered] = {}
         failed: dict[str, tuple[str, str]] = {}
         for shots in self._by_pose(pictures, options.registration):
+            report(progress, len(registered) + len(failed), len(pictures), _REGISTERING)
             try:
                 registration = self._registered(shots, pictures, options)
             except NotRegisteredError as error:
@@ -575,6 +493,7 @@ class Measurer:
                 failed |= {shot.name: (str(error), advice) for shot in shots}
                 continue
             registered |= {shot.name: registration.of(shot.name) for shot in shots}
+        report(progress, len(pictures), len(pictures), _REGISTERING)
         return registered, failed
 
     def _alone(
@@ -600,11 +519,15 @@ class Measurer:
         registered: Mapping[str, Registered],
         known: PartPosterior,
         options: MeasureOptions,
+        progress: Progress | None = None,
     ) -> dict[str, list[Reading]]:
         """Return what is read in registered images, by target."""
         readings: dict[str, list[Reading]] = {name: [] for name in self.targets}
+        every = len(response.pictures)
+        done = itertools.count()
         for shots in self._by_pose(response.pictures, options.registration):
             for shot in shots:
+                report(progress, next(done), every, _READING)
                 if shot.name not in registered:
                     continue
                 pose = registered[shot.name]
@@ -623,6 +546,7 @@ class Measurer:
                     readings[reading.name].append(
                         advised(reading, picture, pose.blur_px, is_unlit=is_unlit)
                     )
+        report(progress, every, every, _READING)
         if lacks_registration(self.plan, options.registration):
             return {name: list(map(of_poses, each)) for name, each in readings.items()}
         return readings
@@ -632,8 +556,10 @@ class Measurer:
         pictures: Mapping[str, Picture],
         registered: Mapping[str, Registered],
         options: MeasureOptions,
+        progress: Progress | None,
     ) -> PartPosterior:
         """Return what all registered images tell together."""
+        report(progress, 0, 1, _JOINING)
         groups = [
             {shot.name: registered[shot.name] for shot in shots if shot.name in registered}
             for shots in self._by_pose(pictures, options.registration)
@@ -646,9 +572,11 @@ class Measurer:
                 free_of[name] |= self.model.free_of[witness_key(setting, name)]
         for name, ends in self.ends.items():
             free_of[name] = set().union(*(end.free for end in ends))
-        return PartPosterior(
+        joint = PartPosterior(
             self.model, self.plan.camera, [g for g in groups if g], free_of, self._places_mm()
         )
+        report(progress, 1, 1, _JOINING)
+        return joint
 
     def _places_mm(self) -> dict[int, float]:
         """Return how far the axes of holes and pins may be off by their tolerances of position, by their surfaces.
@@ -1128,6 +1056,16 @@ class Measurer:
         )
 
 
+def _pictures(images: ImageSet, camera: Camera, progress: Progress | None) -> dict[str, Picture]:
+    """Return images as they are measured in, by name."""
+    pictures = {}
+    for k, (name, image) in enumerate(images.images.items()):
+        report(progress, k, len(images.images), _PREPARING)
+        pictures[name] = Picture.of(name, image, camera, images.responses.get(name))
+    report(progress, len(images.images), len(images.images), _PREPARING)
+    return pictures
+
+
 def measure(
     plan: InspectionPlan,
     solid: Solid,
@@ -1138,6 +1076,7 @@ def measure(
     coverage: float = COVERAGE_SHARE,
     rule: DecisionRule | None = None,
     edge_break_mm: tuple[float, float] | None = None,
+    progress: Progress | None = None,
 ) -> MeasurementResults:
     """Measure one part in images of a plan's settings.
 
@@ -1162,6 +1101,8 @@ def measure(
     edge_break_mm : (float, float), optional
         By how much the part's edges are broken, least and most, mm. Default: that of the plan; without it, edges are
         sharp within 0.05 mm.
+    progress : callable, optional
+        Takes how many images are done, of how many, and a label.
 
     Returns
     -------
@@ -1192,4 +1133,4 @@ def measure(
         rule or DecisionRule.iso14253(),
         edge_break_mm=edge_break_mm,
     )
-    return Measurer(plan, solid).measure(images, options)
+    return Measurer(plan, solid).measure(images, options, progress=progress)

@@ -19,9 +19,11 @@ from scipy.stats import chi2 as chi_squared
 
 from aspectgraph.entities.entity_rules import PARAMETERS
 from errors.many_images import Estimate, Evidence, ManyImages, Prior, Slope, View
+from errors.measurands.geometry import FLOOR_PX
 from errors.registration import LEARNT, Posterior, bias_variance_of
 from planner.camera.camera import Camera
 from planner.measuring.reading import Reading
+from planner.measuring.register import bias_of
 from planner.measuring.registered import ImageEvidence, Registered, displaced, surface_variances
 from planner.measuring.samples import POSE, PartModel
 from planner.measuring.task import CREDIBLE
@@ -131,8 +133,9 @@ class PartPosterior:
         edges are enlarged to what all images show together.
         """
         stated = self._as_stated()
+        by_light = light_variances(self._model, self._camera)
         for k in range(_ROUNDS):
-            variances = variances_shown(stated, self._views)
+            variances = variances_shown(stated, self._views, by_light)
             joint = ManyImages(variances, self._views)
             farthest = 0.0
             for name, evidence in self._evidence.items():
@@ -149,7 +152,7 @@ class PartPosterior:
             self._views = self._all_views()
             if farthest < _STILL:
                 break
-        return variances_shown(stated, self._views)
+        return variances_shown(stated, self._views, by_light)
 
     def _estimate_of(self, image: str, joint: ManyImages) -> Posterior:
         """Return the joint estimate of an image's pose and the surfaces, if none is free."""
@@ -285,7 +288,18 @@ class PartPosterior:
         return Slope({number: by_view}, reading.gradient[POSE:])
 
 
-def variances_shown(stated: Array, views: Sequence[View]) -> Array:
+def light_variances(model: PartModel, camera: Camera) -> Array:
+    """Return the variances (3k,) with which light may move the rims of round surfaces, mm²; 0 for planes.
+
+    A plane has several edges, whose biases the images show. A bore often shows one rim, and light on its wall moves
+    all of it: by more than most edges, so that the radius would seem to deviate. A plan expects as much of each edge.
+    """
+    pixel_mm = camera.focus_distance_mm / float(camera.matrix.diagonal()[:2].min())
+    is_round = [not surface.is_plane for surface in model.carriers.surfaces]
+    return np.repeat(is_round, PARAMETERS) * (bias_of(FLOOR_PX) * pixel_mm) ** 2
+
+
+def variances_shown(stated: Array, views: Sequence[View], by_light: Array | None = None) -> Array:
     """Return the variances (3k,) of surfaces before: as stated, unless the images contradict that.
 
     The number of a surface that deviates most gets what the images show of it, and so on until none deviates more than
@@ -297,8 +311,11 @@ def variances_shown(stated: Array, views: Sequence[View]) -> Array:
         Variances as stated, mm².
     views : sequence of View
         What the images tell.
+    by_light : array (3k,), optional
+        Variances with which light may move what is seen of them besides, mm². Default: 0.
     """
     variances = stated.copy()
+    light = np.zeros(len(stated)) if by_light is None else by_light
     # offsets of planes and radii of cylinders
     is_size = np.arange(len(stated)) % PARAMETERS == 0
     for _ in range(_MOST_DEVIATING):
@@ -310,7 +327,9 @@ def variances_shown(stated: Array, views: Sequence[View]) -> Array:
         if not is_learnt.any():
             break
         learnt = np.where(is_learnt, learnt, 1.0)
-        square = np.where(is_learnt, mean**2 / (learnt * variances), 0.0)
+        # where the images have it, over the variance of that and of the prior
+        chance = learnt * variances + learnt**2 * light
+        square = np.where(is_learnt, mean**2 / chance, 0.0)
         worst = int(np.argmax(square))
         if square[worst] <= chi_squared.ppf(1 - (1 - CREDIBLE) / is_learnt.sum(), 1):
             break

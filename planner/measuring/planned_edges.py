@@ -137,9 +137,9 @@ def registered_problem(problem: Problem, how: RegistrationRecord | None) -> Prob
     problem : Problem
         What is asked.
     how : RegistrationRecord or None
-        How poses are known; None for no better than planned.
+        How poses are known; None for no better than planned, as far as the request states it.
     """
-    problem = replace(problem, reads=reads_of(problem.space.solid, how, problem.targets))
+    problem = replace(problem, reads=reads_of(problem.space.solid, how))
     if how is None:
         return problem
     if how.method == OWN_EDGES:

@@ -20,7 +20,6 @@ from errors.registration import rests_on_prior, variance_by_input
 from ground.convert import NOT_STORED, Key, Meta
 from planner.camera.camera import Camera, tangents_of
 from planner.camera.pose import world_to_cam
-from planner.detectability.image_check import SECTORS
 from planner.measuring.breaks import (
     Breaks,
     FoundPoints,
@@ -30,6 +29,7 @@ from planner.measuring.breaks import (
     lit_breaks,
     two_steps,
 )
+from planner.measuring.corners import ARM_SHARE, arms_of, ends_of, ideal_images, near_corner
 from planner.measuring.fit import (
     CORRELATION_PX,
     Fit,
@@ -44,6 +44,7 @@ from planner.measuring.register import signs_of
 from planner.measuring.registered import Faces, NumberOrNull, Registered, displaced
 from planner.measuring.samples import (
     ALONG_VARIANCE,
+    PART_WORDS,
     POSE,
     STATE_TEXTS,
     PartEdge,
@@ -52,6 +53,8 @@ from planner.measuring.samples import (
     Scans,
     State,
     across_of,
+    numbers_of_parts,
+    parts_of,
     pixels_of,
 )
 from planner.measuring.verdict import BESIDE_PX, Sampled, beside_shadows, stretches_of
@@ -184,6 +187,7 @@ def scan_entity(
     half_px: float,
     coverage: float,
     edge_state: EdgeState = SHARP,
+    in_each_part: bool = True,
 ) -> EntityScan:
     """Look for an entity in an image, and fit it.
 
@@ -207,6 +211,8 @@ def scan_entity(
         Share of its samples that must be found.
     edge_state : EdgeState
         By how much it is broken.
+    in_each_part : bool
+        Whether something must be found in each of its parts, see `parts_of`.
     """
     camera = picture.camera
     pose = registered.cam2world
@@ -226,7 +232,6 @@ def scan_entity(
     )
     pixels = centres + np.where(scans.state == State.FOUND, scans.offset, 0.0)[:, None] * across
     normal = np.cross(frame.x, frame.y)
-    # the plane is where the entity is, along the plane's normal
     origins = samples.points + ((places - samples.points) @ normal)[:, None] * normal
     state = scans.state.copy()
     residual = np.full(len(state), np.nan)
@@ -240,7 +245,7 @@ def scan_entity(
         residual[is_found] = fit.residual
         state[np.flatnonzero(is_found)[~good]] = State.OUTLIER
     points = _points_of(samples, pixels, across, residual, state)
-    reason = _incomplete(edge, points, coverage)
+    reason = _incomplete(edge, points, coverage, in_each_part)
     is_found = state == State.FOUND
     sampled = Sampled(model.edges.scene, camera, pose, [edge], _alone(samples))
     moved = bool(reason) and _is_moved(sampled, picture, registered, (centres, across), state)
@@ -444,7 +449,9 @@ def entity_scale(
     return np.asarray(np.abs((moved * across).sum(axis=1)) / (2 * step))
 
 
-def _incomplete(edge: PartEdge, points: NDArray[np.void], coverage: float) -> str:
+def _incomplete(
+    edge: PartEdge, points: NDArray[np.void], coverage: float, in_each_part: bool
+) -> str:
     """Say why what was found of an entity is not enough; empty if it is."""
     word = _word(edge)
     if not len(points):
@@ -459,14 +466,11 @@ def _incomplete(edge: PartEdge, points: NDArray[np.void], coverage: float) -> st
             return f"{word} {edge.name} is {STATE_TEXTS[worst]}"
         main_reason = f"{100 * counts[worst] / len(points):.0f} % is {STATE_TEXTS[worst]}"
         return f"only {100 * share:.0f} % of {word} {edge.name} was found; {main_reason}"
-    low = points["share"].min()
-    high = points["share"].max()
-    sector = np.minimum(
-        ((points["share"] - low) / max(high - low, 1e-12) * SECTORS).astype(int), SECTORS - 1
-    )
-    missing = set(sector.tolist()) - set(sector[is_found].tolist())
+    n_parts = parts_of(len(points)) if in_each_part else 1
+    part = numbers_of_parts(points["share"], n_parts)
+    missing = set(part.tolist()) - set(part[is_found].tolist())
     if missing:
-        return f"a twelfth of {word} {edge.name} was not found"
+        return f"a {PART_WORDS[n_parts - 2]} of {word} {edge.name} was not found"
     return ""
 
 
@@ -932,13 +936,6 @@ def fits_after(
 # edge is seen across; corners are intersected in the image of a lens without distortion.
 
 
-LEAST_ANGLE_DEG = 20.0
-"""A corner is where another line leaves an edge at this angle at least, in the image."""
-ARM_SHARE = 0.5
-"""Share of the samples of such a line that must be found."""
-ARM_PX = 200.0
-"""Such a line is used up to this distance from the corner."""
-
 _LENGTH_STEP = 1e-4
 # mm and rad
 _UNKNOWN_STEPS = np.array([1e-3] * 3 + [1e-5] * 3 + [1e-3] * 6)
@@ -980,7 +977,7 @@ def read_length(
     length_scan = _scan(model, edge, picture, registered, (half_px, coverage, None), edge_state)
     scans = [length_scan]
     reasons = [length_scan.reason]
-    for end in _ends(edge):
+    for end in ends_of(edge):
         arm = _arm(model, edge, end, picture, registered, half_px, edge_state)
         reasons.append("" if arm else "no line that leaves a corner was found")
         scans += [arm] if arm else []
@@ -1027,12 +1024,6 @@ def read_length(
     )
 
 
-def _ends(edge: PartEdge) -> tuple[Array, Array]:
-    line = edge.geometry
-    assert isinstance(line, Line)
-    return line.p, line.q
-
-
 def _facing(edge: PartEdge, registered: Registered) -> Frame:
     """Return the plane through an edge that faces the camera."""
     line = edge.geometry
@@ -1054,10 +1045,7 @@ def _scan(
     half_px, coverage, near = how
     samples = entity_samples(model, [edge], registered, picture.camera, half_px)
     if near is not None and len(samples.edge):
-        pose = registered.cam2world
-        places = _images(samples.points, pose, picture.camera)
-        close = np.linalg.norm(places - _images(near[None], pose, picture.camera), axis=1) <= ARM_PX
-        samples = samples.chosen(close)
+        samples = near_corner(samples, near, registered.cam2world, picture.camera)
     return scan_entity(
         model,
         edge,
@@ -1068,6 +1056,8 @@ def _scan(
         half_px=half_px,
         coverage=coverage,
         edge_state=edge_state,
+        # U counts how far a line is extended to its corner
+        in_each_part=near is None,
     )
 
 
@@ -1083,33 +1073,13 @@ def _arm(
     """Return the line that leaves an end of an edge and is found best; None if there is none."""
     best = None
     share = 0.0
-    along = _image_way(edge, end, registered, picture.camera)
-    for other in model.leaving(edge, end):
-        way = _image_way(other, end, registered, picture.camera)
-        sine = abs(float(along[0] * way[1] - along[1] * way[0]))
-        if sine < math.sin(math.radians(LEAST_ANGLE_DEG)):
-            continue
+    for other, sine in arms_of(model, edge, end, registered.cam2world, picture.camera):
         scan = _scan(model, other, picture, registered, (half_px, ARM_SHARE, end), edge_state)
         worth = sine * scan.n_found
         if scan.fit is not None and worth > share:
             best = scan
             share = worth
     return best
-
-
-def _image_way(edge: PartEdge, end: Array, registered: Registered, camera: Camera) -> Array:
-    """Return the unit vector along an edge in the image, away from one of its ends."""
-    p, q = _ends(edge)
-    other = q if np.linalg.norm(p - end) < np.linalg.norm(q - end) else p
-    images = _images(np.array([end, end + 1e-3 * (other - end)]), registered.cam2world, camera)
-    way = images[1] - images[0]
-    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-12))
-
-
-def _images(points: Array, pose: Array, camera: Camera) -> Array:
-    """Return images (n, 2) in px of a lens without distortion."""
-    local = world_to_cam(points, pose)
-    return np.asarray((local / local[:, 2:] @ camera.matrix.T)[:, :2])
 
 
 def _corners(
@@ -1126,7 +1096,7 @@ def _corners(
         points = frame.origin + at[:, None] * frame.x + (offset + slope * at)[:, None] * frame.y
         # a line that deviates lies in the plane of its estimate
         lift = _lift(scan, frame)
-        images = _images(points + lift, registered.cam2world, camera)
+        images = ideal_images(points + lift, registered.cam2world, camera)
         lines.append(np.cross(np.append(images[0], 1.0), np.append(images[1], 1.0)))
     corners = [np.cross(lines[0], arm) for arm in lines[1:]]
     return np.array([corner[:2] / corner[2] for corner in corners])
@@ -1142,9 +1112,9 @@ def _planned_ends(
     model: PartModel, edge: PartEdge, registered: Registered, camera: Camera, move: Array
 ) -> Array:
     """Return the images of an edge's ends (2, 2) at the registered pose and surfaces, displaced by a move (12,)."""
-    ends = np.array(_ends(edge))
+    ends = np.array(ends_of(edge))
     places = registered.moved(model, edge, ends) + model.displacement(edge, ends) @ move[POSE:]
-    return _images(places, displaced(registered.cam2world, move[:POSE])[0], camera)
+    return ideal_images(places, displaced(registered.cam2world, move[:POSE])[0], camera)
 
 
 def _by_unknowns(

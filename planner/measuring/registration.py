@@ -42,7 +42,13 @@ from planner.measuring.task import (
     distance_of,
     rigid_motion,
 )
-from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES, RegistrationRecord
+from planner.request.registration import (
+    GIVEN,
+    LEAST_POSE,
+    OWN_EDGES,
+    PLANNED,
+    RegistrationRecord,
+)
 from planner.sensor_setting import setting_name
 
 Array = NDArray[np.float64]
@@ -436,7 +442,6 @@ def _opencv() -> Any:
     return cv2
 
 
-PLANNED = "planned"
 FIDUCIALS = "fiducials"
 BOTH = "fiducials and own edges"
 
@@ -603,13 +608,13 @@ class Registration:
         uncertainty = None if covariance is None else PoseUncertainty(covariance)  # type: ignore[arg-type]
         return cls(GIVEN, surfaces_mm, checked, uncertainty)
 
-    def planned(self) -> RegistrationRecord | None:
+    def planned(self) -> RegistrationRecord:
         """Return it as a plan takes it: for poses that are not known yet.
 
         Returns
         -------
-        RegistrationRecord or None
-            None for planned poses.
+        RegistrationRecord
+            What the plan counts on.
 
         Raises
         ------
@@ -617,7 +622,7 @@ class Registration:
             If a plan cannot know how sure poses will be.
         """
         if self.method == PLANNED:
-            return None
+            return RegistrationRecord(PLANNED)
         if self.method == OWN_EDGES:
             return RegistrationRecord(OWN_EDGES, self.surfaces_mm)
         if self.pose_uncertainty is not None:

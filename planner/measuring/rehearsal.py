@@ -63,7 +63,6 @@ SHADOW_SHARE = 0.04
 BRIGHT_GROUND = 0.85
 """Grey value behind the part on a bright ground, as a share of white."""
 
-_RENDERING = "rendering images"
 # grey value of full exposure, of 8 bits
 _WHITE = 255
 # rays along each side of a pixel where the picture changes by more than this share of the brightest place
@@ -649,7 +648,7 @@ class Rehearsal:
         Parameters
         ----------
         progress : callable, optional
-            Takes how many steps are done, of how many, and a label.
+            Takes how many percent of all images are done, 100, and a label.
 
         Yields
         ------
@@ -657,15 +656,21 @@ class Rehearsal:
             Image, what it is of, and its pose.
         """
         every = self._renderer.steps * len(self._shots)
-        steps = itertools.count(1)
-        report(progress, 0, every, _RENDERING)
+        steps = itertools.count()
+        label = f"rendering {count(len(self._shots), 'image')}, percent"
+
+        def tell() -> None:
+            # steps are no unit that means anything to who waits
+            report(progress, 100 * next(steps) // every, 100, label)
+
+        tell()
         for shot in self._shots:
             pose = self.truth.poses[shot.name]
             grey = self._renderer.image(
                 pose,
                 self._light(shot, pose),
                 self._rng,
-                lambda: report(progress, next(steps), every, _RENDERING),
+                tell,
             )
             # as a person sets the exposure: by the brightest place beside what is measured
             light = grey / max(self._bright(shot, grey, pose), 1e-9)
@@ -684,7 +689,6 @@ class Rehearsal:
     def write(
         self,
         folder: str | os.PathLike[str],
-        parameter: str = "folder",
         progress: Progress | None = None,
     ) -> list[str]:
         """Write the images, as `measure` reads them, and ``truth.json``.
@@ -693,10 +697,8 @@ class Rehearsal:
         ----------
         folder : path
             Images of an earlier rehearsal there are replaced.
-        parameter : str
-            What the caller knows the folder as.
         progress : callable, optional
-            Takes how many steps are done, of how many, and a label.
+            Takes how many percent of all images are done, 100, and a label.
 
         Returns
         -------
@@ -708,15 +710,7 @@ class Rehearsal:
         OutputError
             If they cannot be written.
         """
-        from PIL import Image
-
-        names = [TRUTH, *(f"{shot.name}.png" for shot in self._shots)]
-        with staged_folder(folder, names, parameter) as staging:
-            for rendered in self.images(progress):
-                Image.fromarray(rendered.grey).save(staging / f"{rendered.shot.name}.png")
-            text = json.dumps(to_plain(self.truth), indent=1, allow_nan=False, ensure_ascii=False)
-            write_text(staging / TRUTH, text + "\n")
-        return [str(Path(folder) / name) for name in names]
+        return write_images(self, folder, "folder", progress)
 
     def _drawn_pose(self, setting: int, exact: bool) -> Array:
         pose = np.asarray(self._plan.settings[setting].cam2world, dtype=np.float64)
@@ -766,3 +760,22 @@ class Rehearsal:
             levels.append(grey[v, u])
         values = np.concatenate(levels) if levels else grey.ravel()
         return float(values.max(initial=0.0)) or float(grey.max())
+
+
+def write_images(
+    rehearsal: Rehearsal,
+    folder: str | os.PathLike[str],
+    parameter: str,
+    progress: Progress | None = None,
+) -> list[str]:
+    """Write a rehearsal, see `Rehearsal.write`, into a folder that the caller knows by the name of a parameter."""
+    from PIL import Image
+
+    truth = rehearsal.truth
+    names = [TRUTH, *(f"{name}.png" for name in truth.poses)]
+    with staged_folder(folder, names, parameter) as staging:
+        for rendered in rehearsal.images(progress):
+            Image.fromarray(rendered.grey).save(staging / f"{rendered.shot.name}.png")
+        text = json.dumps(to_plain(truth), indent=1, allow_nan=False, ensure_ascii=False)
+        write_text(staging / TRUTH, text + "\n")
+    return [str(Path(folder) / name) for name in names]

@@ -794,10 +794,7 @@ def judge_response(
     if STATED in origins or not registered:
         note = ""
         if is_clear(power):
-            note = (
-                f"edges contradict the stated response ({stated}): gamma {_gamma_text(power)} is left in its light; "
-                "measured as stated"
-            )
+            note = f"edges contradict the stated response ({stated}): {_left_text(power)}; measured as stated"
         elif untold is None and not is_broken and (gamma := _linear_after_all(profiles, pictures)):
             note = (
                 f"edges contradict the stated response ({stated}): grey values look proportional to light "
@@ -842,6 +839,13 @@ def _gamma_of(power: PowerEstimate) -> tuple[float, float]:
     """Return the gamma that is left, and its standard deviation: light to the power of 1 / gamma is what is there."""
     gamma = 1 / max(1 + power.excess, 0.1)
     return gamma, power.sd * gamma
+
+
+def _left_text(power: PowerEstimate) -> str:
+    """Say which gamma edges show in the light of a response, if a camera may have it."""
+    if not 1 / LARGEST_GAMMA <= _gamma_of(power)[0] <= LARGEST_GAMMA:
+        return "no gamma explains what they show, as if light was uneven next to them"
+    return f"gamma {_gamma_text(power)} is left in its light"
 
 
 def _gamma_text(power: PowerEstimate) -> str:

@@ -14,13 +14,14 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.spatial import cKDTree
 from scipy.special import erf
 
-from aspectgraph.entities.entity_rules import PARAMETERS, Carriers
+from aspectgraph.entities.entity_rules import PARAMETERS, Carriers, faces_along
 from aspectgraph.light import DEFAULT_CONTRAST
 from aspectgraph.solid.solid import RayScene
 from errors.measurands import Circle, Geometry, Line, Measurand
 from ground.decorators import njit
 from planner.camera.camera import Camera, image_of
 from planner.camera.pose import world_to_cam
+from planner.detectability.image_check import SECTORS
 from planner.exceptions import RequestError
 from planner.light.area_light import AreaLight, EdgePoints, Sight
 from planner.request.targets import Target
@@ -541,6 +542,18 @@ APART_PX = 5.0
 END_PX = 6.0
 """Samples of a straight edge begin this far from its ends in the image: other lines meet there."""
 
+LEAST_PART_PX = 12.0
+"""In each twelfth of an edge something must be found, or in each part of this length, where twelfths are shorter.
+
+Errors of points are alike over `planner.measuring.fit.CORRELATION_PX`. So a twelfth of a rim of 70 px is one or two
+independent points, which may be outliers, and these are three.
+"""
+PART_WORDS = (
+    *("half", "third", "quarter", "fifth", "sixth", "seventh"),
+    *("eighth", "ninth", "tenth", "eleventh", "twelfth"),
+)
+"""What one of two, three and up to twelve equal parts is called."""
+
 _OUTLINE = 65
 # of an outline: how far an edge may go beyond it
 _BEYOND = 0.01
@@ -665,7 +678,10 @@ class PartEdges:
         self, name: str, geometry: Geometry, edge_ids: Sequence[int], chord_mm: float = 0.0
     ) -> PartEdge:
         """Return an edge with the normals of its faces."""
-        faces = np.array([self.solid.edges[i].faces for i in edge_ids])
+        if isinstance(geometry, Circle):
+            faces = faces_along(self.solid, edge_ids, geometry.axis)
+        else:
+            faces = np.array([self.solid.edges[i].faces for i in edge_ids])
         turns = [self.solid.edges[i].dihedral_deg for i in edge_ids]
         normals = self.solid.normals[faces]
         return PartEdge(
@@ -750,7 +766,7 @@ class PartEdges:
         visible = in_image(pixels_of(points, cam2world, camera), camera, margin_px)
         chord = table.chord_mm[number[visible]]
         visible[visible] = self._visible(points[visible], normals[visible], chord, cam2world)
-        if self.area is not None:
+        if self.area is not None and visible.any():
             sight = Sight.of(self.solid, camera, self.scene)
             of_edges = EdgePoints(points[visible], tangents[visible], normals[visible])
             eye = np.asarray(cam2world)[None, :3, 3]
@@ -851,6 +867,17 @@ def circle_of(curve: Arc) -> Circle:
     start = np.cos(curve.start_rad) * x + np.sin(curve.start_rad) * y
     span = min(curve.end_rad - curve.start_rad, 2 * np.pi)
     return Circle(curve.centre, curve.axis, curve.radius_mm, start, span)
+
+
+def parts_of(n_samples: int) -> int:
+    """Return in how many parts of an edge with so many samples something must be found: 12, or fewer of a short one."""
+    return max(1, min(SECTORS, int(n_samples * STEP_PX / LEAST_PART_PX)))
+
+
+def numbers_of_parts(share: Array, n_parts: int) -> NDArray[np.int64]:
+    """Return in which of n equal parts of an edge its samples (m,) are, given where these are on it."""
+    along = (share - share.min()) / max(float(np.ptp(share)), 1e-12)
+    return np.minimum((along * n_parts).astype(np.int64), n_parts - 1)
 
 
 def outlines_of(table: EdgeTable) -> Array:

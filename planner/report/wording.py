@@ -31,6 +31,7 @@ from planner.request.edge_state import (
     largest_shift,
     value_sigma,
 )
+from planner.request.registration import PLANNED
 from planner.request.targets import words_of
 from planner.request.words import amount_text
 from planner.rows import unshown_warning
@@ -184,7 +185,7 @@ def _more_by_longer(plan: InspectionPlan) -> str:
 def registration_text(plan: InspectionPlan) -> str:
     """Say how poses are known when values are read; empty where they are as planned."""
     registration = plan.request.registration
-    if registration is None:
+    if registration is None or registration.method == PLANNED:
         return ""
     if registration.pose_uncertainty is None:
         return "values are read from images registered to the part's own edges"

@@ -20,6 +20,7 @@ from planner.argument_kinds import (
     check_fraction,
     check_number,
     kind_shown,
+    names_meant,
     shown,
     with_article,
 )
@@ -261,6 +262,7 @@ Target = Any
 """What stands for an entity: an id (17 or "e17", "r3", "a0"), an `Edge`, `Rim` or `Entity`, or two end points in mm."""
 
 
+@names_meant
 @dataclass(frozen=True)
 class Dimension:
     """A quantity to measure in one image, with the permitted error.
@@ -928,7 +930,7 @@ def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
 def _meant(name: str, unit: str, words: Sequence[str]) -> str:
     """Return a hint on the name of a requirement that is not known."""
     for stem in ("tolerance", "max_error"):
-        if name == stem or name.startswith(f"{stem}_"):
+        if name.startswith(stem):
             return f"use {stem}_{unit}"
     starting = [word for word in words if word.startswith(name)]
     near = starting or get_close_matches(name, words)

@@ -330,7 +330,8 @@ def _wanted(name: str, value: Any, kinds: tuple[str, ...], share: float = QUARTE
     allowed = (*kinds, "edge", *_OPTIONS)
     unknown = [key for key in value if key not in allowed]
     if unknown:
-        near = difflib.get_close_matches(str(unknown[0]), allowed, n=1)
+        starting = [key for key in allowed if key.startswith(str(unknown[0]))]
+        near = starting or difflib.get_close_matches(str(unknown[0]), allowed, n=1)
         meant = f"; {near[0]!r} may be meant" if near else ""
         raise RequestError(
             f"dimension {name!r} must be made of a kind (edge, {', '.join(kinds)}) and {', '.join(_OPTIONS)}. "

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 OWN_EDGES = "own edges"
 GIVEN = "given"
+PLANNED = "planned"
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ class RegistrationRecord:
     ----------
     method : str
         "own edges": from the part's own edges in each image. "given": as surely as ``pose_uncertainty`` says.
+        "planned": no better than planned. Unlike a request that states nothing, images need not be registered.
     surfaces_mm : float or None
         Standard deviation of the position of faces along their normals. None is that of the targets.
     pose_uncertainty : PoseUncertainty or None

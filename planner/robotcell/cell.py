@@ -728,6 +728,7 @@ class Cell:
         Reachability
             A table of settings and fixturings.
         """
+        check_kinds(solid=(solid, "Solid"))
         return reachability_of(self.with_part(solid), plan, all_branches=all_branches)
 
     @property
@@ -999,7 +1000,6 @@ def reachability_of(cell: Cell, plan: Any, *, all_branches: bool = False) -> Rea
         np.array([plan.ends_of(setting, name) for name in setting.entities])
         for setting in plan.settings
     ]
-
     unlit = _unlit_of(plan)
     is_there = unlit is not None and _is_where(cell.light, plan.light.area)
 

@@ -310,6 +310,11 @@ def test_an_array_is_shown_in_one_line():
             lambda: Dimension.distance(25, 27, tol=0.1),
             "Got 'tol'; did you mean tolerance_mm?",
         ),
+        (
+            lambda: Dimension.distance(25, 27, tolerances_mm=0.1),
+            "Got 'tolerances_mm'; use tolerance_mm.",
+        ),
+        (lambda: Dimension.angle(1, 2, tolerances=0.1), "Got 'tolerances'; use tolerance_deg."),
         (lambda: Dimension.distance(25, 27, accurcy=0.1), "Got 'accurcy'; did you mean accuracy?"),
         (lambda: Dimension.distance(25, 27, zzz=0.1), "Got 'zzz'."),
         (lambda: Dimension.angle(1, 2, tolerance_mm=0.1), "Got 'tolerance_mm'; use tolerance_deg."),
@@ -323,6 +328,21 @@ def test_a_requirement_by_another_name_is_refused_with_the_right_one(call, told)
     rule = "a requirement of a dimension must be one of tolerance_"
     assert str(info.value).startswith(rule)
     assert str(info.value).endswith(told)
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("tol", "tolerance"),
+        ("tolerance_mm", "tolerance"),
+        ("tolerances_mm", "tolerance"),
+        ("max_error_mm", "max_error"),
+    ],
+)
+def test_a_dimension_by_its_kind_names_the_argument_that_may_be_meant(name, meant):
+    with pytest.raises(TypeError) as info:
+        Dimension("distance", (25, 27), **{name: 0.1})
+    assert str(info.value) == f"Dimension() has no argument {name!r}; did you mean {meant!r}?"
 
 
 def test_the_names_of_requirements_hold_that_of_a_class():

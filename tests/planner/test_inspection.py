@@ -33,7 +33,9 @@ from planner.sensor_setting import Outcome
 from planner.verify.simulate_plan import promises_too_much
 from planner.verify.simulate_setting import simulate_setting
 
-QUICK = Effort(viewpoints=30, pricing_rounds=15, refutations=2, bound_nodes=4000)
+QUICK = Effort(
+    viewpoints=30, pricing_rounds=15, refutations=2, bound_nodes=4000, margin_generations=3
+)
 
 
 @pytest.fixture(scope="module")
@@ -459,7 +461,9 @@ def promised_too_much(setting, judge):
 
 def test_ids_without_names_are_named_by_them():
     block = read_solid("examples/two_pocket_block.off")
-    effort = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000)
+    effort = Effort(
+        viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, margin_generations=3
+    )
     camera = Camera.named("basler-acA2440-20gm-8mm")
     uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
     plans = [

@@ -293,7 +293,9 @@ CAMERA_CALIBRATED_PLAN = Camera.from_opencv(
     K, LENS, (2448, 2048), pixel_pitch_mm=0.00345, f_number=8.0, focus_distance_mm=300.0
 )
 SIGMA = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-EFFORT = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000)
+EFFORT = Effort(
+    viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, margin_generations=3
+)
 EDGES = {
     "top": [[0, 0, 20], [40, 0, 20]],
     "side": [[40, 0, 20], [40, 30, 20]],

@@ -27,7 +27,9 @@ from planner.search.incumbents import fewest_fixturings
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-EFFORT = Effort(viewpoints=6, pricing_rounds=1, refutations=1, bound_nodes=300)
+EFFORT = Effort(
+    viewpoints=6, pricing_rounds=1, refutations=1, bound_nodes=300, margin_generations=3
+)
 EDGES = {
     "left": [[60, 20, 10], [60, 40, 10]],
     "back": [[20, 60, 10], [40, 60, 10]],

@@ -23,7 +23,14 @@ from planner.resolve_request import resolve_targets
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 SIGMA = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-EFFORT = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, witnesses=2)
+EFFORT = Effort(
+    viewpoints=10,
+    pricing_rounds=2,
+    refutations=1,
+    bound_nodes=1000,
+    witnesses=2,
+    margin_generations=3,
+)
 OPTIONS = InspectionOptions(effort=EFFORT)
 BLOCK = "examples/two_pocket_block.off"
 RIM = [[60, 20, 10], [60, 40, 10]]
@@ -118,7 +125,9 @@ def test_an_edge_that_a_plan_refuses_for_its_corners_is_refused_by_predict(wante
 # any effort.
 
 
-SHORT = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000)
+SHORT = Effort(
+    viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, margin_generations=3
+)
 POCKETS = {"e1": [[60, 20, 10], [60, 40, 10]], "e4": [[20, 60, 10], [40, 60, 10]]}
 STEP = Dimension.distance(
     [[50, 20, 10], [50, 40, 10]], [[60, 20, 10], [60, 40, 10]], max_error_mm=0.08

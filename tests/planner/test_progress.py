@@ -242,6 +242,27 @@ def test_reading_that_takes_long_says_what_it_is_at(monkeypatch, quiet, lines, n
     assert stream.getvalue().count("\n") == n + (lines and not quiet)
 
 
+@pytest.mark.parametrize("is_quiet", [False, True])
+def test_work_that_passes_is_shown_while_it_is_done(monkeypatch, is_quiet):
+    """On a terminal a bar; otherwise lines, and only if it takes long."""
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("COLUMNS", "120")
+    with progress.work_shown(quiet=is_quiet) as show:
+        progress.report(show, 17, 17, "registering images")
+    assert ("17/17" in terminal.getvalue()) == (not is_quiet)
+    stream = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr(progress, "_FIRST_WORD_S", 0.05)
+    monkeypatch.setattr(progress, "WATCHED_S", 0.05)
+    with progress.work_shown(quiet=is_quiet) as show:
+        progress.report(show, 3, 17, "registering images")
+        assert stream.getvalue() == ""
+        time.sleep(0.2)
+    line = "registering images: 3/17 (0 s so far)\n"
+    assert (line in stream.getvalue()) == (not is_quiet)
+
+
 def test_each_stage_of_a_long_read_is_named_soon(monkeypatch):
     """A stage before it that took long, and lines further apart, do not delay the first line."""
     stream = io.StringIO()

@@ -32,6 +32,7 @@ EFFORT = Effort(
     pricing_rounds=3,
     refutations=2,
     bound_nodes=3000,
+    margin_generations=3,
 )
 
 

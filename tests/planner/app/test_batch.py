@@ -113,7 +113,9 @@ def request_():
         accuracy=0.95,
         select="length > 60 and face = top",
         simulate=100,
-        effort=Effort(viewpoints=5, pricing_rounds=1, refutations=0, bound_nodes=10),
+        effort=Effort(
+            viewpoints=5, pricing_rounds=1, refutations=0, bound_nodes=10, margin_generations=3
+        ),
     )
 
 
@@ -566,7 +568,9 @@ def dimension_request(**changes):
         Camera.named("basler-acA2440-20gm-8mm"),
         PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001),
         simulate=50,
-        effort=Effort(viewpoints=5, pricing_rounds=1, refutations=0, bound_nodes=10),
+        effort=Effort(
+            viewpoints=5, pricing_rounds=1, refutations=0, bound_nodes=10, margin_generations=3
+        ),
         **{"dimensions": ModelDimensions(share=1.0), **changes},
     )
 

@@ -71,7 +71,9 @@ def quick(monkeypatch):
     """Search little where no effort is asked for."""
     from planner.effort import Effort
 
-    effort = Effort(viewpoints=20, pricing_rounds=5, refutations=1, bound_nodes=3000)
+    effort = Effort(
+        viewpoints=20, pricing_rounds=5, refutations=1, bound_nodes=3000, margin_generations=3
+    )
     monkeypatch.setattr("planner.resolve_request.Effort", lambda: effort)
 
 

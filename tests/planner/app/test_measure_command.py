@@ -3,12 +3,14 @@
 import hashlib
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
 from PIL import Image
+from plan_examples import changed
 
 from aspectgraph import read_solid
 from planner import Lighting
@@ -298,7 +300,32 @@ def test_rendered_images_are_measured(folder, capsys, monkeypatch):
     printed = capsys.readouterr()
     assert "3 files in rendered/; open rendered/truth.json" in printed.out
     assert "the plan has no light; a lamp on the camera" in printed.err
+    assert "rendered as designed" not in printed.err
     assert run(folder, "rendered", out="rehearsed") == 0
     truth = json.loads((folder / "rendered" / "truth.json").read_text())
     (result,) = json.loads((folder / "rehearsed" / "results.json").read_text())["results"]
     assert abs(result["value"] - truth["values"]["setting_01"]["width"]) <= 1.5 * result["U"]
+
+
+@pytest.mark.parametrize(("more", "n"), [((), 1), (("--surfaces-mm", "0"), 0), (("--quiet",), 0)])
+def test_a_rehearsal_without_deviations_says_so(folder, capsys, tmp_path, more, n):
+    """As of plans for lengths of edges, which state none; a user who asks for it knows."""
+    part = PartRecord.of(read_solid(folder / "plate.off"))
+    plan = measured_plan(thick_plate(), ["width"], part=part)
+    as_designed = replace(plan.targets["width"], stated_surfaces_mm=0.0)
+    changed(plan, targets=(as_designed,)).write(tmp_path / "plan.json")
+    part_options = "--part", str(folder / "plate.off"), "--units", "mm"
+    out = str(tmp_path / "images")
+    assert main(["render", str(tmp_path / "plan.json"), *part_options, "--out", out, *more]) == 0
+    note = (
+        "the plan states no deviation of faces, so the part is rendered as designed; --surfaces-mm"
+    )
+    assert capsys.readouterr().err.count(note) == n
+
+
+def test_measuring_says_which_image_it_is_at(folder, capsys):
+    """Without --verbose, only what takes long is a line."""
+    assert run(folder, "good", "--verbose", out="shown") == 0
+    lines = capsys.readouterr().err
+    for label in ("preparing images", "registering images", "measuring in images"):
+        assert f"{label}: 2/2 (" in lines

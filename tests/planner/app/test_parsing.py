@@ -22,7 +22,7 @@ from ga.exceptions import GAError
 from planner import Camera, camera_names, light_names, optics
 from planner.app.checks import in_words_of_shell
 from planner.app.main import main
-from planner.app.options import COMMANDS, rules_of, texts_of
+from planner.app.options import COMMANDS, Plan, rules_of, texts_of
 from planner.app.parsing import UsageError, arguments_of, command_help, parse, takes_value
 from planner.app.part import read_part
 from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
@@ -226,7 +226,7 @@ def test_fish_gets_every_option_with_its_help(capsys):
 
 
 def test_how_poses_are_known_may_be_edges_none_or_a_pair():
-    assert registration("none") is None
+    assert (registration("none").method, registration("none").pose_uncertainty) == ("planned", None)
     assert (registration("edges").method, registration("edges").pose_uncertainty) == (
         "own edges",
         None,
@@ -249,6 +249,18 @@ def test_every_option_has_its_help(name):
 def test_numbers_that_load_too_much_are_the_same():
     assert rules_of(COMMANDS["plan"])["seed"].maximum == MOST_SEED
     assert parse([*PLAN]).grey_step == DEFAULT_STEP
+
+
+def test_a_command_line_is_read_as_if_it_were_the_first():
+    """Options are worked out once, and hold nothing of what was typed before."""
+    words = ["plan", "block.off", "--camera", "camera.toml", "--entities"]
+    first = parse([*words, "3,4", "--seed", "7"])
+    second = parse([*words, "5"])
+    assert (first.seed, second.seed) == (7, Plan.seed)
+    assert first.typed == {"--camera", "--entities", "--seed"}
+    assert second.typed == {"--camera", "--entities"}
+    assert arguments_of(Plan) is arguments_of(Plan)
+    assert not any(argument.tokens for argument in arguments_of(Plan))
 
 
 def test_the_last_value_of_an_option_counts_unless_it_may_be_given_again():
@@ -527,6 +539,20 @@ def test_lists_tell_the_units_of_their_numbers(capsys):
     assert "diameter (mm)" in out
     assert main(["info", BLOCK]) == DONE
     assert "length (mm)" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("part", "hint"),
+    [("camera.toml", "; the camera seems to be 'camera.toml', so exchange the two"), (BLOCK, "")],
+)
+def test_a_part_for_the_camera_is_named(capsys, tmp_path, monkeypatch, part, hint):
+    Path(tmp_path, "camera.toml").write_text("")
+    block = str(Path(BLOCK).resolve())
+    monkeypatch.chdir(tmp_path)
+    part = block if part == BLOCK else part
+    assert main(["plan", part, "--entities", "9", "--camera", block]) == BAD_INPUT
+    rule = "--camera must be a TOML file, or a name that 'aspectgraph cameras' lists"
+    assert capsys.readouterr().err == f"aspectgraph: {rule}. Got {block!r}, a part{hint}.\n"
 
 
 def test_verbose_tells_where_an_error_arose(capsys):

@@ -13,7 +13,9 @@ N = 24
 HOLES = {"left": ((20.0, 25.0), 8.0), "right": ((60.0, 25.0), 6.0)}
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-QUICK = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=2000)
+QUICK = Effort(
+    viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=2000, margin_generations=3
+)
 # edges of the top, by their ends
 FRONT = [[0, 0, 10], [80, 0, 10]]
 BACK = [[0, 50, 10], [80, 50, 10]]

@@ -76,11 +76,11 @@ def test_an_end_whose_only_line_is_dark():
 
 
 def test_lamps_are_planned_with_it():
-    """From behind the front face nothing of the corners is lit, and the reason says what was asked."""
+    """From behind the front face nothing of the corners is lit, and the reason says what it lacks."""
     one = asked(min_corner_deg=25.0)
     assert plan_light(one, block(), [(40.0, -100.0, 360.0)]).complete
     dark = plan_light(one, block(), [(40.0, 100.0, -10.0)])
-    assert dark.unlit[0]["top front"].endswith("or no other line at an end.")
+    assert dark.unlit[0]["top front"] == "the lamp does not show it: 1 with a contrast under 0.1."
 
 
 # Shadows that end beside a line: of a step, where a wall's shadow ends follows from similar

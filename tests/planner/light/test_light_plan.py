@@ -131,6 +131,26 @@ def test_a_displaced_camera_is_not_overexposed():
     assert np.quantile(white, 0.05) > 0.6
 
 
+@pytest.mark.parametrize("height", [12.0, 20.0, 60.0, 120.0])
+def test_what_an_image_is_exposed_for_is_evenly_lit(height):
+    """Under low lamps hardly anything is: then the pixel next to the edge is named, and no dark place next to light."""
+    solid = step()
+    scene = scene_of(solid)
+    pose = look_at([[10.0, 20.0, 300.0]], [30.0, 20.0, 0.0])[0]
+    points = {"rim": np.array([[30.0, 0.0, 10.0], [30.0, 40.0, 10.0]])}
+    lamps = np.array([[80.0, 20.0, height]])
+    exposed = exposure(scene, pose, CAMERA, points, lamps, spread_px=25.0)
+    steps = np.arange(-exposed.radius_px, exposed.radius_px + 1, 2)
+    disc = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    disc = disc[np.hypot(*disc.T) <= exposed.radius_px]
+    region = irradiance(scene, pose, CAMERA, np.array(exposed.pixel) + disc, lamps)
+    ring = beside(CAMERA, pose, points["rim"]).reshape(-1, 2)
+    brightest = irradiance(scene, pose, CAMERA, ring, lamps).max()
+    # as bright as it is meant to be, or darker by what a region may be uneven
+    white = exposure(scene, pose, CAMERA, points, lamps).share
+    assert 0.65 * white < exposed.share / region.mean() * brightest < 1.01 * white
+
+
 def test_the_spread_of_an_image_is_that_of_displaced_cameras():
     """Of 99 of 100 draws, by images of real displacements; the formula is the one of the wider direction."""
     place = np.array([[60.0, 40.0, 60.0]])

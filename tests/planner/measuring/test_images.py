@@ -454,6 +454,16 @@ def test_no_dark_image_is_exposed_too_long(how, times):
         assert longer * np.quantile(share, 0.995) < 1.0
 
 
+def test_a_small_part_on_a_large_sensor_is_not_dark():
+    """It fills 0.1 % of 5 million pixels, in 200 of 255, before a dark ground."""
+    levels = np.full((2048, 2448), 3, dtype=np.uint8)
+    levels[1000:1071, 1200:1271] = 200
+    camera = replace(CAMERA_PICTURE, resolution=(2448, 2048))
+    assert Picture.of("one", levels, camera).notes(0.5) == []
+    levels[1000:1071, 1200:1271] = 20
+    assert Picture.of("one", levels, camera).notes(0.5) == ["dark: expose for 10 times as long"]
+
+
 def test_a_dark_image_says_what_white_is_taken_for():
     """A highlight tells how many bits there are: 16. The part has 8 % of white, and shall have 80."""
     share = light(0.1)

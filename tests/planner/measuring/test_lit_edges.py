@@ -2,6 +2,7 @@
 
 import pickle
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,13 +18,14 @@ from planner.light.lighting import Lighting
 from planner.light.plan_light import chosen_lamps
 from planner.measuring.lit_edges import (
     LEAST_REGISTERED,
+    EndLight,
     EntityLight,
     LitEdges,
     TargetLight,
     _Seen,
     reads_of,
 )
-from planner.measuring.samples import State, circle_of
+from planner.measuring.samples import State, circle_of, parts_of
 from planner.request.registration import OWN_EDGES, RegistrationRecord
 
 LAMPS = np.array([LAMP.place, [40.0, 25.0, 400.0], [-250.0, 25.0, 160.0], [40.0, 330.0, 100.0]])
@@ -97,8 +99,7 @@ def test_a_twelfth_that_is_hidden_is_named():
 
 def test_lamps_of_a_plan_show_what_is_read(solid, plan):
     """Each lamp that is chosen shows enough of its targets; without the check, lamps may be others."""
-    reads = reads_of(solid, RegistrationRecord(OWN_EDGES, 0.02), plan.targets.values())
-    assert reads is not None
+    reads = reads_of(solid, RegistrationRecord(OWN_EDGES, 0.02))
     assert reads.registers
     dome = Lighting(LampDome((40.0, 25.0, TOP), 330.0, 20.0))
     light = chosen_lamps(dome, plan, solid, reads=reads)
@@ -142,9 +143,90 @@ def test_rims_that_show_too_near_to_each_other_are_said_to_be_so(monkeypatch):
     assert text.startswith(f"none of {rim.id} shows 5 px apart from other lines")
 
 
-def test_a_plan_of_lengths_is_not_asked(solid):
+def test_a_length_that_is_promised_is_measured(solid, reads):
+    """The lines at both corners must be found, too. A lamp shows them or not, whatever it shows of the edge."""
     plan = measured_plan(solid, ["long"], settings=1)
-    assert reads_of(solid, None, plan.targets.values()) is None
+    lamps = np.array(
+        [[40.0, -300.0, 60.0], [150.0, -260.0, 340.0], LAMP.place, [40.0, 25.0, 400.0]]
+    )
+    light = reads.of_target(POSES[0], CAMERA, plan.targets["long"], 0.0)
+    assert not light.reason
+    assert [len(end.arms) for end in light.ends] == [2, 2]
+    promised = light.shown(lamps)
+    results = [measure(plan, solid, {1: image_of(lamp)}) for lamp in lamps]
+    measured = [any(result.measured for result in each) for each in results]
+    assert all(np.array(measured)[promised])
+    assert promised.any()
+
+
+def test_a_short_rim_has_fewer_parts():
+    """A twelfth of a rim of 72 px is two points, which may be outliers; a sixth is 12 px."""
+    assert [parts_of(n) for n in (1, 9, 29, 57, 58, 500)] == [1, 1, 6, 11, 12, 12]
+    usable = np.arange(29) >= 3
+    share = np.linspace(0.0, 1.0, 29)
+    rim = EntityLight("r3", share, usable, SimpleNamespace(), parts_of(29))
+    assert not rim.reason
+    assert EntityLight("r3", share, usable, SimpleNamespace()).reason
+    shorter = EntityLight("r3", share, np.arange(29) >= 4, SimpleNamespace(), parts_of(29), 0.5)
+    assert (
+        shorter.reason == "too little of a sixth of r3 is visible and 5 px apart from other lines"
+    )
+
+
+def line_shown_by(name, lamps):
+    """A line of which each lamp shows all or nothing."""
+    shown = np.array(lamps, dtype=bool)
+    sides = SimpleNamespace(
+        found=lambda places: np.repeat(shown[places[:, :1].astype(int)], 100, 1)
+    )
+    usable = np.ones(100, dtype=bool)
+    return EntityLight(name, np.linspace(0.0, 1.0, 100), usable, sides, coverage=0.5)
+
+
+def test_one_line_at_each_corner_is_enough():
+    """Lamp k is at (k, 0, 0). The last one shows the edge, but no line at its second end."""
+    lamps = np.arange(5)[:, None] * np.array([[1.0, 0.0, 0.0]])
+    edge = line_shown_by("e1", [1, 1, 1, 0, 1])
+    first = EndLight("e1", [line_shown_by("e2", [1, 0, 1, 1, 1])])
+    second = EndLight(
+        "e1", [line_shown_by("e3", [1, 1, 0, 1, 0]), line_shown_by("e4", [0, 1, 1, 1, 0])]
+    )
+    light = TargetLight([edge], [first, second])
+    assert light.shown(lamps).tolist() == [True, False, True, False, False]
+    assert second.shown(lamps).tolist() == [True, True, True, True, False]
+
+
+def test_a_corner_without_a_line_is_said_to_have_none(solid, reads):
+    plan = measured_plan(solid, ["long"], settings=1)
+    light = reads.of_target(POSES[0], CAMERA, plan.targets["long"], 0.0)
+    name = light.entities[0].name
+    bare = TargetLight(light.entities, [EndLight(name, [])])
+    assert bare.reason == f"no straight line leaves an end of {name} at 20° in the image"
+    assert not bare.shown(LAMPS).any()
+    hidden = replace(light.ends[0].arms[0], usable=np.zeros_like(light.ends[0].arms[0].usable))
+    text = TargetLight(light.entities, [EndLight(name, [hidden])]).reason
+    assert re.fullmatch(
+        rf"no line that leaves a corner of {name} is found: none of e\d+ is visible and 5 px apart from other lines, "
+        "and 58 % must be",
+        text,
+    )
+
+
+def test_a_light_with_an_area_is_asked_for_the_corners_of_a_length(solid, reads, monkeypatch):
+    plan = measured_plan(solid, ["long"], settings=1)
+    target = plan.targets["long"]
+    under = Backlight.under(solid)
+    monkeypatch.setattr(LitEdges, "_lit", lambda self, edges, samples, *_: samples.visible)
+    assert reads.unread(POSES[0], CAMERA, target, under) == ""
+    front = reads.of_target(POSES[0], CAMERA, target, 0.0).entities[0].name
+
+    def front_only(self, edges, samples, *view):
+        names = np.array([edge.name == front for edge in edges])
+        return samples.visible & names[samples.edge]
+
+    monkeypatch.setattr(LitEdges, "_lit", front_only)
+    text = reads.unread(POSES[0], CAMERA, target, under)
+    assert text.startswith(f"no line that leaves a corner of {front} is found: none of e")
 
 
 def test_it_crosses_process_boundaries(solid, plan, reads):

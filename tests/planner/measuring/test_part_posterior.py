@@ -9,7 +9,7 @@ from measured_plate import CAMERA, POSES, fine_plate, measured_plan, photograph,
 from errors.many_images import Evidence, View
 from planner import Measurer, Registration, measure
 from planner.measuring.images import Picture
-from planner.measuring.part_posterior import PartPosterior, variances_shown
+from planner.measuring.part_posterior import PartPosterior, light_variances, variances_shown
 from planner.measuring.register import register_as_shown
 from planner.measuring.registered import as_given
 from planner.measuring.samples import POSE
@@ -165,6 +165,30 @@ def test_a_face_that_deviates_more_than_stated_is_let_deviate():
     np.testing.assert_array_equal(np.delete(shown, 1), np.delete(stated, 1))
     usual = replace_right(view, np.append(0.0, np.sign(where) * 0.02))
     np.testing.assert_array_equal(variances_shown(stated, [usual]), stated)
+
+
+def test_what_light_does_to_a_rim_is_no_deviation(measurer):
+    """Images have a radius that is stated as exact 4 standard deviations off, 0.3 px: light does that, to no plane."""
+    by_light = light_variances(measurer.model, CAMERA)
+    pixel_mm = CAMERA.focus_distance_mm / CAMERA.matrix.diagonal()[:2].min()
+    surfaces = measurer.model.carriers.surfaces
+    expected = [0.0 if surface.is_plane else 0.15 * pixel_mm for surface in surfaces]
+    np.testing.assert_allclose(by_light, np.repeat(np.square(expected), 3))
+    assert any(expected)
+    stated = np.full(6, 1e-4**2)
+    sigma = 0.3 * pixel_mm / 4.2
+    information = np.diag(np.append(0.0, np.full(6, 1 / sigma**2)))
+
+    def is_let_deviate(off_px, light):
+        right = np.zeros(7)
+        right[1] = off_px * pixel_mm / sigma**2
+        view = View(np.eye(1), Evidence(information, right))
+        shown = variances_shown(stated, [view], np.full(6, light))
+        return bool((shown > stated).any())
+
+    assert is_let_deviate(0.3, 0.0)
+    assert not is_let_deviate(0.3, by_light.max())
+    assert is_let_deviate(0.8, by_light.max())
 
 
 def replace_right(view, where):

@@ -23,16 +23,17 @@ from planner import (
     plan_inspection,
     read_plan,
 )
+from planner.app.quantities import registration
 from planner.bound.pose_space import least_images_mm
 from planner.callbacks import Deadline
 from planner.camera.pose import world_to_cam
 from planner.inspection import _problem
 from planner.measuring import task as solving
-from planner.measuring.planned_edges import planned_edges
+from planner.measuring.planned_edges import planned_edges, registered_problem
 from planner.measuring.registered import displaced, prior_covariance, surface_variances
 from planner.measuring.samples import POSE, PartModel
 from planner.measuring.task import registration_task
-from planner.request.registration import PoseKnowledge
+from planner.request.registration import PLANNED, PoseKnowledge, RegistrationRecord
 from planner.resolve_request import resolve_request
 from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_plan import simulate_plan
@@ -313,7 +314,13 @@ def test_a_word_of_the_command_line_is_no_method():
 
 def test_planned_poses_are_no_registration(block):
     options = InspectionOptions(registration=Registration.none())
-    assert options.registration_record is None
+    record = options.registration_record
+    assert record == RegistrationRecord(PLANNED)
+    assert registration("none") == record
+    problem = registered_problem(problem_of(block, ASKED), record)
+    assert problem.registered is None
+    assert not problem.reads.registers
+    assert registered_problem(problem_of(block, ASKED), None).reads.registers
 
 
 ASKED = {

@@ -44,7 +44,8 @@ from planner.measuring.task import (
     with_breaks,
 )
 from planner.report.measured_report import measured_html
-from planner.request.registration import OWN_EDGES, RegistrationRecord
+from planner.report.wording import registration_text
+from planner.request.registration import OWN_EDGES, PLANNED, RegistrationRecord
 from planner.verify.setting_record import search_windows_px
 
 
@@ -230,8 +231,11 @@ def test_images_of_a_registered_plan_at_planned_poses_have_one_cause(solid, imag
     own = measure(off, solid, images)
     assert not [note for note in own.notes if "registered" in note]
     assert "registered to the part&#39;s edges" in measured_html(own)
-    freely = measure(plan, solid, images, registration=Registration.none())
-    assert not [note for note in freely.notes if "registered" in note]
+    for stated in (None, RegistrationRecord(PLANNED)):
+        unregistered = changed(plan, registration=stated)
+        assert registration_text(unregistered) == ""
+        freely = measure(unregistered, solid, images, registration=Registration.none())
+        assert not [note for note in freely.notes if "registered" in note]
 
 
 def test_drawn_and_derived_uncertainties_agree(solid, images):

@@ -112,6 +112,17 @@ def test_values_that_several_images_give_have_a_truth(plate, plan):
     assert fewer.truth.joined == {"width": full.truth.values["setting_01"]["width"]}
 
 
+def test_progress_is_a_share_of_all_images(plate, plan):
+    """Steps of rays mean nothing to who waits."""
+    steps = []
+    for _ in Rehearsal(plan, plate, seed=1).images(lambda *step: steps.append(step)):
+        pass
+    assert {step[1:] for step in steps} == {(100, "rendering 2 images, percent")}
+    shares = [step[0] for step in steps]
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0, 100)
+
+
 def test_images_of_another_plan_are_noted(plate, plan, tmp_path):
     """Nothing may be where it should be then; the digest of the plan tells why."""
     Rehearsal(plan, plate, seed=1).write(tmp_path)

@@ -37,6 +37,7 @@ from planner.measuring.response import (
     Places,
     PowerEstimate,
     Profiles,
+    _left_text,
     _measured_curve,
     estimated_power,
     fitted_steps,
@@ -550,3 +551,15 @@ def test_a_gamma_that_no_camera_has_points_to_broken_edges(gamma, what_to_do):
     )
     profiles = SimpleNamespace(curve=lambda: curve, power=lambda _: power)
     assert what_to_do in _measured_curve(profiles, {}, "", is_broken=False).note
+
+
+@pytest.mark.parametrize(
+    ("excess", "text"),
+    [
+        (-0.545, "gamma 2.2 ± 0.2 is left in its light"),
+        (-0.95, "no gamma explains what they show, as if light was uneven next to them"),
+        (4.0, "no gamma explains what they show, as if light was uneven next to them"),
+    ],
+)
+def test_a_gamma_that_no_camera_has_is_not_named(excess, text):
+    assert _left_text(PowerEstimate(excess, 0.05, 9)) == text

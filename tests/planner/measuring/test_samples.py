@@ -8,8 +8,9 @@ from measured_plate import measured_plan, thick_plate
 from plan_examples import witness
 from solids import prism
 
+from aspectgraph import Solid
 from errors.measurands import Circle, Line
-from planner import Camera, RequestError, look_at
+from planner import Backlight, Camera, RequestError, look_at
 from planner.measuring.samples import PartEdges, PartModel, _holds, median_shift, pixels_of
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
@@ -157,3 +158,37 @@ def test_what_left_the_field_of_the_lens_does_not_count_as_moved():
     before = np.array([[0.0, 0], [1, 1], [2, 2], [9, 9]])
     after = before + np.array([[3.0, 4], [3, 4], [6, 8], [np.nan, np.nan]])
     assert median_shift(before, after) == 5.0
+
+
+def test_an_edge_that_is_hidden_is_looked_at_under_no_light():
+    """The lower edges of a plate, from above: nothing of them is left that a light with an area may show."""
+    solid = thick_plate()
+    edges = PartEdges(solid, Backlight.under(solid))
+    lines = [edge for edge in edges.edges if isinstance(edge.geometry, Line)]
+    lower = [edge for edge in lines if edge.geometry.middle[2] == 0]
+    pose = look_at([[40.0, 25.0, 400.0]], [40.0, 25.0, 0.0])[0]
+    for edge in lower:
+        samples = edges.samples(pose, CAMERA, [edge], 4.0)
+        assert len(samples.share) > 0
+        assert not samples.visible.any()
+    assert len(lower) == 4
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rims_of_a_bore_share_its_wall_however_faces_are_numbered(seed):
+    """Facets of the wall may come before and after the face that they end at, as in files of some programs."""
+    plate = thick_plate()
+    order = np.random.default_rng(seed).permutation(len(plate.faces))
+    solid = Solid(plate.vertices, [plate.faces[k] for k in order], name="plate")
+    model = PartModel(solid, {})
+    rims = [edge for edge in model.edges.edges if isinstance(edge.geometry, Circle)]
+    assert len(rims) == 4
+    walls = {}
+    for rim in rims:
+        level, wall = model.carried_by[rim.name]
+        assert model.carriers.surfaces[level].is_plane
+        assert model.carriers.surfaces[wall].lean == 0
+        walls.setdefault(tuple(rim.geometry.centre[:2].round(6)), set()).add(wall)
+        # of the two faces of each chord, the level one comes first
+        assert np.allclose(np.abs(rim.normals[:, 0] @ rim.geometry.axis), 1)
+    assert sorted(map(len, walls.values())) == [1, 1]

@@ -99,6 +99,23 @@ def test_breaks_that_nobody_states_are_seen_and_values_hold(kind, size):
         assert abs(result.deviation) <= result.expanded_uncertainty
 
 
+def test_breaks_with_which_fewer_images_are_registered_are_not_believed(monkeypatch):
+    """Faces that deviate look like breaks. The image is then registered as stated, and measured so."""
+    whole = Measurer._all_registered
+
+    def sharp_only(self, pictures, options, progress):
+        if options.edge_break_mm is None:
+            return whole(self, pictures, options, progress)
+        return {}, dict.fromkeys(pictures, ("too few edges", ""))
+
+    monkeypatch.setattr(Measurer, "_all_registered", sharp_only)
+    results = measured.__wrapped__("chamfer", 0.6)
+    assert not results.failed
+    assert len(results.images) == 1
+    assert results.edges.startswith("assumed sharp")
+    assert not any("edges look broken" in note for note in results.notes)
+
+
 def test_sharp_edges_show_no_break():
     results = measured("sharp", 0.0)
     assert not any("broken" in note for note in results.notes)

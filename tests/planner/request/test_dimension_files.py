@@ -85,6 +85,10 @@ both = { distance = [17, 18], tolerance = { lower = -0.3, upper = 0.2 } }
             "dimension 'a': tolerance must have a finite limit",
         ),
         ('a = { width = "r3" }', "dimension 'a' must be made of a kind .* Got 'width'"),
+        (
+            'a = { diameter = "r3", tol = [-1, 1] }',
+            "Got 'tol'; 'tolerance' may be meant",
+        ),
         ("a = { max_error = 1 }", "dimension 'a' must have one kind. Got none"),
         ('a = { diameter = "r3", radius = "r3" }', "Got diameter, radius"),
         (

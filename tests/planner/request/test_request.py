@@ -129,7 +129,9 @@ def test_an_unknown_objective_is_refused():
 CAMERA_PHASES = Camera(8.0, (0.00345, 0.00345), (2448, 2048), f_number=8.0, focus_distance_mm=300.0)
 DEPTH = 300.0
 RIMS = {"e1": [[60, 20, 10], [60, 40, 10]], "e4": [[20, 60, 10], [40, 60, 10]]}
-EFFORT = Effort(viewpoints=20, pricing_rounds=2, refutations=1, bound_nodes=1000)
+EFFORT = Effort(
+    viewpoints=20, pricing_rounds=2, refutations=1, bound_nodes=1000, margin_generations=3
+)
 SLIDE = np.diag(
     [2.0**2, 0, 0, 0, 0, 0]
 )  # mm: some tens of pixels, so that the edge begins anywhere

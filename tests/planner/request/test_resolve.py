@@ -183,7 +183,9 @@ def plans():
     above = Dimension.distance(LEFT_ANY_WITNESS, RIGHT, max_error_mm=0.2)
     below = Dimension.distance(LOWER_FRONT, LOWER_BACK, max_error_mm=0.2)
     either = Dimension.any_of([below, Dimension.distance(FRONT, BACK, max_error_mm=0.2)])
-    effort = Effort(viewpoints=20, pricing_rounds=4, refutations=2, bound_nodes=4000)
+    effort = Effort(
+        viewpoints=20, pricing_rounds=4, refutations=2, bound_nodes=4000, margin_generations=3
+    )
     return [
         plan_inspection(
             PLATE,
@@ -481,7 +483,14 @@ def test_a_name_of_a_place_must_be_free():
 
 @pytest.fixture(scope="module")
 def plan():
-    effort = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, witnesses=1)
+    effort = Effort(
+        viewpoints=10,
+        pricing_rounds=2,
+        refutations=1,
+        bound_nodes=1000,
+        witnesses=1,
+        margin_generations=3,
+    )
     wanted = {"width": Dimension.distance(FRONT, BACK, max_error_mm=0.2, places=3)}
     return plan_inspection(PLATE, wanted, CAMERA, UNCERTAINTY, effort=effort)
 

@@ -15,6 +15,7 @@ from planner import (
     Fixturing,
     LightBox,
     PlannerError,
+    RequestError,
     RobotError,
     look_at,
     propose_layings,
@@ -406,3 +407,8 @@ def test_a_tilted_table_is_refused(block):
 
 def test_posts_are_checked_where_they_are_stated():
     assert Posts((0.0, 80.0), 10.0).width_mm == 10.0
+
+
+def test_plan_and_part_exchanged(block):
+    with pytest.raises(RequestError, match=r"^solid must be a Solid\. Got "):
+        made_cell().reachability(block, PLAN)

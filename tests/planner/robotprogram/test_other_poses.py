@@ -39,7 +39,9 @@ from planner.search.plan_setting import setting_at
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
 EDGES = {"left": [[60, 20, 10], [60, 40, 10]], "corner": [[0, 0, 0], [0, 0, 40]]}
-EFFORT = Effort(viewpoints=6, pricing_rounds=1, refutations=1, bound_nodes=300)
+EFFORT = Effort(
+    viewpoints=6, pricing_rounds=1, refutations=1, bound_nodes=300, margin_generations=3
+)
 
 
 @pytest.fixture(scope="module")

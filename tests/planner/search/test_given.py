@@ -32,7 +32,9 @@ from planner.sensor_setting import ReasonKind
 BLOCK = "examples/two_pocket_block.off"
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 SIGMA = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-EFFORT = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000)
+EFFORT = Effort(
+    viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, margin_generations=3
+)
 EDGES = {
     "e1": [[60, 20, 10], [60, 40, 10]],
     "e2": [[60, 20, 10], [60, 20, 30]],
@@ -196,7 +198,7 @@ STEP = {
         PoseUncertainty.isotropic(translation_mm=0.02, rotation_rad=2e-4),
     ],
 )
-def test_a_registered_prediction_is_that_of_the_plan(block, registration):
+def test_a_registered_prediction_is_that_of_the_plan(block, registration, stated_in_full):
     options = InspectionOptions(accuracy=0.95, effort=EFFORT, registration=registration)
     plan = plan_inspection(block, STEP, CAMERA, SIGMA, options, poses=GIVEN)
     poses = [GivenPose(f"s{k}", setting.cam2world) for k, setting in enumerate(plan.settings)]

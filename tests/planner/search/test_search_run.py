@@ -231,7 +231,7 @@ def plan(path=None):
         CAMERA_STAGES,
         UNCERTAINTY_STAGES,
         space=SPACE_STAGES,
-        effort=Effort(5, 2, 1, 300, 20),
+        effort=Effort(5, 2, 1, 300, 20, margin_generations=3),
         state=path,
     )
 
@@ -347,7 +347,9 @@ def test_every_stage_and_bound_is_passed_on(whole):
     from planner.resume import PlanningState
     from planner.search.incumbents import Incumbents, SearchRun
 
-    options = InspectionOptions(space=SPACE_STAGES, effort=Effort(5, 2, 1, 300, 20))
+    options = InspectionOptions(
+        space=SPACE_STAGES, effort=Effort(5, 2, 1, 300, 20, margin_generations=3)
+    )
     resolved = resolve_request(
         SPACE_STAGES.solid, SPACE_STAGES.entities, CAMERA_STAGES, UNCERTAINTY_STAGES, options
     )
@@ -683,7 +685,9 @@ def test_a_setting_keeps_what_is_stated_of_its_other_targets():
 # holds.
 
 
-SMALL = Effort(viewpoints=30, pricing_rounds=15, refutations=0, bound_nodes=1000)
+SMALL = Effort(
+    viewpoints=30, pricing_rounds=15, refutations=0, bound_nodes=1000, margin_generations=3
+)
 
 
 @pytest.fixture(scope="module")
@@ -740,7 +744,9 @@ def test_boxes_fall_in_proportion_beyond_the_targets_they_are_for():
 
 
 RIMS = {"e1": [[60, 20, 10], [60, 40, 10]], "e4": [[20, 60, 10], [40, 60, 10]]}
-SMALL_LATE_TARGETS = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000)
+SMALL_LATE_TARGETS = Effort(
+    viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, margin_generations=3
+)
 
 
 @pytest.fixture(scope="module")

@@ -43,7 +43,9 @@ from planner.verify.simulate_split import cameras_of
 
 CAMERA = Camera.named("basler-acA2440-20gm-35mm")
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.03, rotation_rad=1e-4)
-EFFORT = Effort(viewpoints=20, pricing_rounds=3, refutations=1, bound_nodes=1000)
+EFFORT = Effort(
+    viewpoints=20, pricing_rounds=3, refutations=1, bound_nodes=1000, margin_generations=3
+)
 # the field is 52 x 43 mm
 LENGTH_MM = 80.0
 ERROR_MM = 0.1
