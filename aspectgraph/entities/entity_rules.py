@@ -236,8 +236,9 @@ class Carriers:
         """
         wall = set(faces.tolist()).union(*(self._smooth[face] for face in faces.tolist()))
         shared = {self._cones[face] for face in wall & self._cones.keys()}
-        known = next((k for k in sorted(shared) if self._widened(k, curve)), None)
-        number = self._add(self._cone_beside(curve, faces)) if known is None else known
+        number = next((k for k in sorted(shared) if self._widened(k, curve)), None)
+        if number is None:
+            number = self._add(self._cone_beside(curve, faces))
         self._cones.update(dict.fromkeys(faces.tolist(), number))
         return number
 
