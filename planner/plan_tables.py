@@ -285,13 +285,10 @@ class PlanTables(ShownInNotebook):
 
     def _edges_lines(self) -> list[str]:
         """Say what breaks of edges do to U, if nothing is stated of them."""
-        text = import_module("planner.report.wording").brief_edges_text(self)
-        if ". State " not in text:
-            return []
-        # the last sentence is of the command line
-        return [
-            f"Edges: {text.partition('. State ')[0]}. State edge_break_mm, in planning and in measuring."
-        ]
+        text = import_module("planner.report.wording").assumed_edges_text(self)
+        return (
+            [f"Edges: {text}. State edge_break_mm, in planning and in measuring."] if text else []
+        )
 
     def _target_values(self, name: str) -> dict[str, Any]:
         """Return what is to be measured, and how well."""

@@ -5,12 +5,15 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import operator
 import re
 import reprlib
 import tomllib
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +53,10 @@ _PERPENDICULAR = 0.999
 _PARALLEL = 0.02
 # normals that differ by less than this share do not fix how an edge moves along their difference
 _ALIKE = 0.05
+# faces that differ by less are as level with an axis as each other
+_AS_LEVEL = 0.05
+# share of a cone's radius by which the axis of its other rim may be off
+_OFF_AXIS = 1e-3
 
 
 @dataclass(frozen=True)
@@ -110,7 +117,7 @@ def faces_along(solid: Solid, edge_ids: Sequence[int], axis: FloatArray) -> npt.
     faces = np.array([solid.edges[i].faces for i in edge_ids])
     along = solid.normals[faces] @ axis
     level = np.abs(along)
-    alike = np.isclose(level[:, 0], level[:, 1], rtol=0.0, atol=_ALIKE)
+    alike = np.isclose(level[:, 0], level[:, 1], rtol=0.0, atol=_AS_LEVEL)
     is_second = np.where(alike, along[:, 0] < along[:, 1], level[:, 0] < level[:, 1])
     return np.where(is_second[:, None], faces[:, ::-1], faces)
 
@@ -134,6 +141,7 @@ class Carriers:
         self._solid = solid
         self._planes: dict[tuple[float, ...], int] = {}
         self._cylinders: dict[tuple[float, ...], int] = {}
+        self._cones: dict[int, int] = {}
         self._members: dict[tuple[float, ...], list[int]] = {}
         for face, normal in enumerate(solid.normals):
             self._members.setdefault(self._plane_key(face, normal), []).append(face)
@@ -155,7 +163,7 @@ class Carriers:
         level = np.all(cosines >= _PERPENDICULAR, axis=0)
         parallel = bool(np.any(np.all(cosines <= _PARALLEL, axis=0)))
         leaning = np.flatnonzero(np.all(cosines > _PARALLEL, axis=0) & ~level)
-        cone = self._add(self._cone(curve, faces[:, leaning[0]])) if len(leaning) else None
+        cone = self._cone(curve, faces[:, leaning[0]]) if len(leaning) else None
         if level.any():
             first = self._plane(int(faces[0, np.flatnonzero(level)[0]]))
             if cone is not None:
@@ -221,7 +229,52 @@ class Carriers:
             self._cylinders[key] = self._add(carrier)
         return self._cylinders[key]
 
-    def _cone(self, curve: Arc, faces: npt.NDArray[np.int64]) -> Carrier:
+    def _cone(self, curve: Arc, faces: npt.NDArray[np.int64]) -> int:
+        """Return the cone that the faces (n,) on one side of a curve are of, one for each of its chords.
+
+        Two curves about one axis have one cone if their faces are the same or meet in an edge of a facet.
+        """
+        wall = set(faces.tolist()).union(*(self._smooth[face] for face in faces.tolist()))
+        shared = {self._cones[face] for face in wall & self._cones.keys()}
+        number = next((k for k in sorted(shared) if self._widened(k, curve)), None)
+        if number is None:
+            number = self._add(self._cone_beside(curve, faces))
+        self._cones.update(dict.fromkeys(faces.tolist(), number))
+        return number
+
+    def _widened(self, number: int, curve: Arc) -> bool:
+        """Let a cone pass through another curve, if this is about its axis; return whether it is."""
+        cone = self.surfaces[number]
+        way = curve.centre - cone.point
+        height = float(way @ cone.axis)
+        off = np.linalg.norm(way - height * cone.axis)
+        is_about = (
+            abs(curve.axis @ cone.axis) >= _PERPENDICULAR and off <= _OFF_AXIS * cone.radius_mm
+        )
+        rise = curve.radius_mm - cone.radius_mm
+        if not is_about or height == 0.0 or rise == 0.0:
+            return False
+        # of the circles, as facets between them lean a little less
+        lean = -rise * math.copysign(1.0, height) / math.hypot(rise, height)
+        if abs(lean - cone.lean) > _AS_LEVEL:
+            return False
+        self.surfaces[number] = replace(cone, lean=lean)
+        return True
+
+    @cached_property
+    def _smooth(self) -> dict[int, set[int]]:
+        """Which faces each one meets in edges that are no chords of a rim or arc."""
+        curves = [*self._solid.rims(), *self._solid.arcs()]
+        chords = {edge_id for curve in curves for edge_id in curve.edge_ids}
+        meeting: dict[int, set[int]] = defaultdict(set)
+        for number, edge in enumerate(self._solid.edges):
+            if number not in chords:
+                first, second = edge.faces
+                meeting[first].add(second)
+                meeting[second].add(first)
+        return meeting
+
+    def _cone_beside(self, curve: Arc, faces: npt.NDArray[np.int64]) -> Carrier:
         """Return the cone that touches the faces (n,) on one side of a curve, one for each of its chords."""
         normals = self._solid.normals[faces]
         ends = [self._solid.edge_points(i) for i in curve.edge_ids]

@@ -226,22 +226,35 @@ def brief_edges_text(plan: InspectionPlan) -> str:
         The plan.
     """
     text = edges_text(plan)
-    whole = unstated_edges_text(plan)
-    if not whole and not text and plan.request.edge_break_mm is None and _measures_lengths(plan):
-        assumed = f"'measure' assumes breaks of up to {EdgeState().high_mm:g} mm"
-        return f"planned as sharp; {assumed}, so its U of lengths will be larger. State --edges to 'measure'"
-    if not whole:
+    brief = assumed_edges_text(plan)
+    if not brief:
         return text
-    brief = whole.partition(". ")[0]
-    rows = _broken_rows(plan)
-    if rows:
+    if whole := unstated_edges_text(plan):
+        return text.replace(whole, f"{brief}. State --edges sharp, or --edges 0.1..0.3")
+    return f"{brief}. State --edges to 'measure'"
+
+
+def assumed_edges_text(plan: InspectionPlan) -> str:
+    """Say in one sentence what breaks would do that nobody states; empty where all are stated, or do not matter.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    """
+    assumed = f"planned as sharp; 'measure' assumes breaks of up to {EdgeState().high_mm:g} mm"
+    whole = unstated_edges_text(plan)
+    if whole:
+        rows = _broken_rows(plan)
+        if not rows:
+            return whole.partition(". ")[0]
         worst = rows[0]
         foreseen = digits_text(worst.expanded_uncertainty, 2)
-        brief = (
-            f"planned as sharp; 'measure' assumes breaks of up to {EdgeState().high_mm:g} mm: its U of {worst.name} "
-            f"will be about {amount_text(foreseen, plan.dimensions[worst.name].unit)}"
-        )
-    return text.replace(whole, f"{brief}. State --edges sharp, or --edges 0.1..0.3")
+        amount = amount_text(foreseen, plan.dimensions[worst.name].unit)
+        return f"{assumed}: its U of {worst.name} will be about {amount}"
+    if edges_text(plan) or plan.request.edge_break_mm is not None or not _measures_lengths(plan):
+        return ""
+    return f"{assumed}, so its U of lengths will be larger"
 
 
 def _measures_lengths(plan: InspectionPlan) -> bool:

@@ -192,3 +192,35 @@ def test_rims_of_a_bore_share_its_wall_however_faces_are_numbered(seed):
         # of the two faces of each chord, the level one comes first
         assert np.allclose(np.abs(rim.normals[:, 0] @ rim.geometry.axis), 1)
     assert sorted(map(len, walls.values())) == [1, 1]
+
+
+def frustum(lower, upper):
+    """A frustum of 10 and 6 mm radius and 5 mm height, whose rims have so many chords."""
+    rings = []
+    for count, radius, height in ((lower, 10.0, 0.0), (upper, 6.0, 5.0)):
+        angle = 2 * np.pi * np.arange(count) / count
+        rings.append(np.c_[radius * np.cos(angle), radius * np.sin(angle), np.full(count, height)])
+    faces = [list(range(lower))[::-1], list(range(lower, lower + upper))]
+    low = 0
+    high = 0
+    while low < lower or high < upper:
+        corners = [low % lower, lower + high % upper]
+        if high == upper or (low < lower and (low + 1) / lower <= (high + 1) / upper):
+            low += 1
+            faces.append([corners[0], low % lower, corners[1]])
+        else:
+            high += 1
+            faces.append([corners[0], lower + high % upper, corners[1]])
+    return Solid(np.concatenate(rings), faces, name="frustum")
+
+
+@pytest.mark.parametrize("counts", [(72, 72), (48, 96)])
+def test_both_rims_of_a_cone_are_on_it(counts):
+    """Facets lean less than the cone where the rims have other numbers of chords. Its circles tell how it leans."""
+    model = PartModel(frustum(*counts), {})
+    pairs = [model.carried_by[edge.name] for edge in model.edges.edges]
+    assert len(pairs) == 2
+    ((_, cone), (_, other)) = pairs
+    assert cone == other
+    assert model.carriers.surfaces[cone].lean == pytest.approx(-4 / np.hypot(4, 5), abs=1e-9)
+    assert len(model.carriers.surfaces) == 3
