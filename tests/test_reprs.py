@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 import pytest
 from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
-from plan_examples import LIGHT
+from plan_examples import BRIEF, LIGHT
 
 import aspectgraph
 import errors
@@ -49,9 +49,6 @@ FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (
 BOX = Solid(list(product((0, 40), (0, 30), (0, 20))), FACES, name="box")
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-EFFORT = Effort(
-    viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, margin_generations=3
-)
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +59,7 @@ def eag():
 @pytest.fixture(scope="module")
 def plan(eag, stated_in_full):
     return plan_inspection(
-        BOX, {"top": 1, "side": 2}, CAMERA, UNCERTAINTY, accuracy=0.95, space=eag, effort=EFFORT
+        BOX, {"top": 1, "side": 2}, CAMERA, UNCERTAINTY, accuracy=0.95, space=eag, effort=BRIEF
     )
 
 
@@ -248,7 +245,7 @@ def test_every_value_is_one_short_line(eag, plan):
         [list(solid.rims()), list(solid.faces), list(solid.edges)],
         [replace(plan, light=LIGHT).simulated(100)],
         [measurer, results, MeasureOptions(exact)],
-        [Effort.named("thorough"), InspectionOptions(effort=EFFORT)],
+        [Effort.named("thorough"), InspectionOptions(effort=BRIEF)],
         predict(BOX, {"top": 1}, plan.settings[0].cam2world, CAMERA, UNCERTAINTY),
         [Dimension("diameter", ("r0",), tolerance=(-0.1, 0.1))],
         [table, Fixturing(np.eye(4), {"table": table})],

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from box_requests import CAMERA, UNCERTAINTY, WORKSPACE, random_poses
 from grid_box import EDGES, BoxSpace
+from plan_examples import BRIEF
 
 from aspectgraph import read_solid
 from planner import Camera, PoseUncertainty
@@ -461,9 +462,7 @@ def promised_too_much(setting, judge):
 
 def test_ids_without_names_are_named_by_them():
     block = read_solid("examples/two_pocket_block.off")
-    effort = Effort(
-        viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, margin_generations=3
-    )
+    effort = BRIEF
     camera = Camera.named("basler-acA2440-20gm-8mm")
     uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
     plans = [

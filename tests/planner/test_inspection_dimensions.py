@@ -20,12 +20,12 @@ from holed_plate import (
     holed_plate,
     upper_rims,
 )
+from plan_examples import BRIEF
 
 from aspectgraph import Solid
 from planner import (
     Camera,
     Dimension,
-    Effort,
     InspectionOptions,
     Localisation,
     PlanFileError,
@@ -293,9 +293,6 @@ CAMERA_CALIBRATED_PLAN = Camera.from_opencv(
     K, LENS, (2448, 2048), pixel_pitch_mm=0.00345, f_number=8.0, focus_distance_mm=300.0
 )
 SIGMA = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-EFFORT = Effort(
-    viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, margin_generations=3
-)
 EDGES = {
     "top": [[0, 0, 20], [40, 0, 20]],
     "side": [[40, 0, 20], [40, 30, 20]],
@@ -305,7 +302,7 @@ EDGES = {
 
 @pytest.fixture(scope="module")
 def plan_calibrated_plan():
-    return plan_inspection(BOX, EDGES, CAMERA_CALIBRATED_PLAN, SIGMA, accuracy=0.98, effort=EFFORT)
+    return plan_inspection(BOX, EDGES, CAMERA_CALIBRATED_PLAN, SIGMA, accuracy=0.98, effort=BRIEF)
 
 
 def test_every_edge_is_wholly_in_the_distorted_image(plan_calibrated_plan):

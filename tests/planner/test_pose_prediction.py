@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import cache
 
 import pytest
+from plan_examples import BRIEF
 
 from aspectgraph import EntityError, read_solid
 from planner import (
@@ -23,14 +24,7 @@ from planner.resolve_request import resolve_targets
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 SIGMA = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-EFFORT = Effort(
-    viewpoints=10,
-    pricing_rounds=2,
-    refutations=1,
-    bound_nodes=1000,
-    witnesses=2,
-    margin_generations=3,
-)
+EFFORT = replace(BRIEF, witnesses=2)
 OPTIONS = InspectionOptions(effort=EFFORT)
 BLOCK = "examples/two_pocket_block.off"
 RIM = [[60, 20, 10], [60, 40, 10]]
@@ -125,9 +119,6 @@ def test_an_edge_that_a_plan_refuses_for_its_corners_is_refused_by_predict(wante
 # any effort.
 
 
-SHORT = Effort(
-    viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, margin_generations=3
-)
 POCKETS = {"e1": [[60, 20, 10], [60, 40, 10]], "e4": [[20, 60, 10], [40, 60, 10]]}
 STEP = Dimension.distance(
     [[50, 20, 10], [50, 40, 10]], [[60, 20, 10], [60, 40, 10]], max_error_mm=0.08
@@ -151,7 +142,7 @@ ACROSS = Dimension.distance(BOSS["left"], BOSS["right"], max_error_mm=0.5)
 )
 def test_a_prediction_at_a_planned_pose_is_that_of_the_plan(part, wanted, witnesses):
     solid = read_solid(f"examples/{part}")
-    effort = replace(SHORT, witnesses=witnesses)
+    effort = replace(BRIEF, witnesses=witnesses)
     plan = plan_inspection(solid, wanted, CAMERA, SIGMA, accuracy=0.95, effort=effort)
     assert plan.settings
     options = InspectionOptions(effort=effort)

@@ -22,6 +22,11 @@ from planner.plan import InspectionPlan
 from planner.request.constraints import Requirements
 from planner.request.targets import EntityRecord, PlannedDimension, Witness, edge_target
 
+# a plan within a second, with margins that are hardly moved
+BRIEF = Effort(
+    viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, margin_generations=3
+)
+
 CAMERA = Camera(25.0, (0.00345, 0.0035), (2448, 2048), 8.0, 600.0, name="test camera")
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
 ENTITIES = {

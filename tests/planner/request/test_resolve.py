@@ -20,6 +20,7 @@ from holed_plate import (
     holed_plate,
     upper_rims,
 )
+from plan_examples import BRIEF
 from solids import prism, ring
 
 from aspectgraph import (
@@ -483,14 +484,7 @@ def test_a_name_of_a_place_must_be_free():
 
 @pytest.fixture(scope="module")
 def plan():
-    effort = Effort(
-        viewpoints=10,
-        pricing_rounds=2,
-        refutations=1,
-        bound_nodes=1000,
-        witnesses=1,
-        margin_generations=3,
-    )
+    effort = replace(BRIEF, witnesses=1)
     wanted = {"width": Dimension.distance(FRONT, BACK, max_error_mm=0.2, places=3)}
     return plan_inspection(PLATE, wanted, CAMERA, UNCERTAINTY, effort=effort)
 

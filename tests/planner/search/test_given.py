@@ -6,6 +6,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from plan_examples import BRIEF
 from scipy.spatial.transform import Rotation
 
 from aspectgraph import compute_regions, read_solid
@@ -13,7 +14,6 @@ from planner import (
     Backlight,
     Camera,
     Dimension,
-    Effort,
     GivenPose,
     InspectionOptions,
     PoseUncertainty,
@@ -32,9 +32,6 @@ from planner.sensor_setting import ReasonKind
 BLOCK = "examples/two_pocket_block.off"
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 SIGMA = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-EFFORT = Effort(
-    viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, margin_generations=3
-)
 EDGES = {
     "e1": [[60, 20, 10], [60, 40, 10]],
     "e2": [[60, 20, 10], [60, 20, 30]],
@@ -61,7 +58,7 @@ def space(block):
 
 @pytest.fixture(scope="module")
 def options(space):
-    return InspectionOptions(accuracy=0.95, effort=EFFORT, space=space)
+    return InspectionOptions(accuracy=0.95, effort=BRIEF, space=space)
 
 
 @pytest.fixture(scope="module")
@@ -199,7 +196,7 @@ STEP = {
     ],
 )
 def test_a_registered_prediction_is_that_of_the_plan(block, registration, stated_in_full):
-    options = InspectionOptions(accuracy=0.95, effort=EFFORT, registration=registration)
+    options = InspectionOptions(accuracy=0.95, effort=BRIEF, registration=registration)
     plan = plan_inspection(block, STEP, CAMERA, SIGMA, options, poses=GIVEN)
     poses = [GivenPose(f"s{k}", setting.cam2world) for k, setting in enumerate(plan.settings)]
     told = predict_poses(block, STEP, poses, CAMERA, SIGMA, accuracy=0.95, options=options)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from grid_box import EDGES, BoxSpace
 from lit_parts import block
-from plan_examples import CAMERA, ENTITIES, plan, setting
+from plan_examples import BRIEF, CAMERA, ENTITIES, plan, setting
 
 from aspectgraph import LightError, compute_regions
 from ground.convert import to_plain
@@ -448,9 +448,7 @@ EVEN = (-400.0, 25.0, 460.0)
 CAMERA_LIT_SETTINGS = Camera.named("basler-acA2440-20gm-8mm")
 HOW = {
     "accuracy": 0.98,
-    "effort": Effort(
-        viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, margin_generations=3
-    ),
+    "effort": BRIEF,
     "showing": Detectability(0, 0, 0),
 }
 

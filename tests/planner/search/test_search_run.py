@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from box_requests import CAMERA, UNCERTAINTY, WORKSPACE
 from grid_box import EDGES, BoxSpace
-from plan_examples import request_with
+from plan_examples import BRIEF, request_with
 
 from aspectgraph import compute_regions, read_solid
 from planner import (
@@ -744,9 +744,6 @@ def test_boxes_fall_in_proportion_beyond_the_targets_they_are_for():
 
 
 RIMS = {"e1": [[60, 20, 10], [60, 40, 10]], "e4": [[20, 60, 10], [40, 60, 10]]}
-SMALL_LATE_TARGETS = Effort(
-    viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000, margin_generations=3
-)
 
 
 @pytest.fixture(scope="module")
@@ -758,9 +755,7 @@ def call():
     def plan(known, **options):
         space = compute_regions(block, {name: RIMS[name] for name in known})
         arguments = (block, RIMS, camera, uncertainty)
-        return plan_inspection(
-            *arguments, accuracy=0.95, effort=SMALL_LATE_TARGETS, space=space, **options
-        )
+        return plan_inspection(*arguments, accuracy=0.95, effort=BRIEF, space=space, **options)
 
     return plan
 
