@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.stats import ncx2
 
 from errors import CovarianceError, InvalidParameterError
-from errors.measurands import Decision, DecisionRule
+from errors.measurands import Decision, DecisionRule, disc
 from errors.measurands.disc import (
     Bonus,
     decide_position,
@@ -18,6 +19,7 @@ from errors.measurands.disc import (
     disc_probability,
     position_conformance,
     quadratic_disc_probability,
+    quadratic_interval_probability,
 )
 
 
@@ -74,6 +76,50 @@ def test_second_order_agrees_with_drawn_errors():
         # the bend counts here: it is no noise of the same variance
         flat = quadratic_disc_probability(gradient, 0 * hessian, noise, radius)
         assert abs(flat - drawn) > 0.01
+
+
+def bent_error(thin):
+    """Return gradient, hessian and noise of an error that is wide along a leaning axis, and thin across it."""
+    lean = np.array([[math.cos(0.4), -math.sin(0.4)], [math.sin(0.4), math.cos(0.4)]])
+    gradient = np.array([[0.5, 0.1, 0.0, 0.0], [0.0, 0.0, 0.8 * thin, 0.3 * thin]])
+    hessian = np.zeros((2, 4, 4))
+    hessian[0, 0, 0] = 0.1
+    hessian[0, 0, 2] = hessian[0, 2, 0] = 0.05
+    hessian[1] = 0.3 * thin * np.eye(4)
+    noise = np.diag([0.01, (0.2 * thin) ** 2])
+    return lean @ gradient, np.einsum("ab,bij->aij", lean, hessian), lean @ noise @ lean.T
+
+
+@pytest.mark.parametrize("thin", [0.02, 0.006, 0.004])
+def test_a_thin_error_is_as_likely_along_its_axis_as_in_the_plane(thin, monkeypatch):
+    error = bent_error(thin)
+    in_plane = quadratic_disc_probability(*error, 1.0)
+    monkeypatch.setattr(disc, "_THIN", 1.0)
+    along_axis = quadratic_disc_probability(*error, 1.0)
+    # the thin component is correlated with the square of the wide one, and its own square is small
+    assert along_axis == pytest.approx(in_plane, abs=0.25 * thin**2)
+
+
+def test_an_error_as_thin_as_a_line_takes_no_more_memory_than_others():
+    gradient, hessian, noise = bent_error(1e-7)
+    delta = np.random.default_rng(3).normal(size=(400_000, 4))
+    bent = 0.5 * np.stack([np.einsum("ni,ni->n", delta @ h, delta) for h in hessian], axis=1)
+    wide = np.random.default_rng(4).normal(size=400_000)[:, None] * math.sqrt(np.trace(noise))
+    errors = delta @ gradient.T + bent + wide * [math.cos(0.4), math.sin(0.4)]
+    drawn = np.mean(np.hypot(*errors.T) <= 0.5)
+    tracemalloc.start()
+    p = quadratic_disc_probability(gradient, hessian, noise, 0.5)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert p == pytest.approx(drawn, abs=4 * math.sqrt(drawn * (1 - drawn) / 400_000))
+    assert peak < 50e6
+
+
+def test_an_error_far_smaller_than_its_disc_stays_in_it():
+    gradient, hessian, noise = bent_error(0.5)
+    for radius in (1e3, 1e6, 1e12):
+        assert quadratic_disc_probability(gradient, hessian, noise, radius) == 1.0
+        assert quadratic_interval_probability(gradient[0], hessian[0], 0.01, radius) == 1.0
 
 
 @pytest.mark.parametrize(("m", "p"), [(0.30, 0.9730623), (0.32, 0.9369972), (0.35, 0.8245996)])
