@@ -94,10 +94,23 @@ def bent_error(thin):
 def test_a_thin_error_is_as_likely_along_its_axis_as_in_the_plane(thin, monkeypatch):
     error = bent_error(thin)
     in_plane = quadratic_disc_probability(*error, 1.0)
-    monkeypatch.setattr(disc, "_THIN", 1.0)
+    monkeypatch.setattr(disc, "_THIN", (1.0, 1.0))
     along_axis = quadratic_disc_probability(*error, 1.0)
     # the thin component is correlated with the square of the wide one, and its own square is small
     assert along_axis == pytest.approx(in_plane, abs=0.25 * thin**2)
+
+
+@pytest.mark.parametrize(("thin", "wide"), [(0.029, 5.7), (0.03, 2.4), (0.02, 1.8)])
+def test_a_bent_error_that_leaves_the_disc_is_integrated_along_its_axis(thin, wide, monkeypatch):
+    # as of a camera that turns: across its path an error is the square of what it is along it
+    gradient = np.array([[wide], [0.0]])
+    hessian = np.array([[[0.0]], [[math.sqrt(2.0) * thin]]])
+    noise = np.diag([1e-4, 1e-6])
+    along_axis = quadratic_disc_probability(gradient, hessian, noise, 1.0)
+    monkeypatch.setattr(disc, "_THIN", (0.0, 0.0))
+    assert along_axis == pytest.approx(
+        quadratic_disc_probability(gradient, hessian, noise, 1.0), abs=2e-4
+    )
 
 
 def test_an_error_as_thin_as_a_line_takes_no_more_memory_than_others():
