@@ -21,6 +21,7 @@ from planner.measuring.lit_edges import (
     EndLight,
     EntityLight,
     LitEdges,
+    Needed,
     TargetLight,
     _Seen,
     reads_of,
@@ -80,7 +81,7 @@ def test_a_target_that_is_hidden_has_a_reason(solid, plan, reads):
     below[:3, :3] = np.diag([1.0, 1.0, 1.0])
     light = reads.of_target(below, CAMERA, plan.targets["left"], 0.0)
     share = re.match(
-        r"only (\d+) % of r0 is visible and 5 px apart from other lines, and 88 % must be$",
+        r"only (\d+) % of r0 is visible and 5 px apart from other lines, and 80 % must be$",
         light.reason,
     )
     assert share
@@ -164,13 +165,28 @@ def test_a_short_rim_has_fewer_parts():
     assert [parts_of(n) for n in (1, 9, 29, 57, 58, 500)] == [1, 1, 6, 11, 12, 12]
     usable = np.arange(29) >= 3
     share = np.linspace(0.0, 1.0, 29)
-    rim = EntityLight("r3", share, usable, SimpleNamespace(), parts_of(29))
+    rim = EntityLight("r3", share, usable, SimpleNamespace(), Needed(parts_of(29)))
     assert not rim.reason
     assert EntityLight("r3", share, usable, SimpleNamespace()).reason
-    shorter = EntityLight("r3", share, np.arange(29) >= 4, SimpleNamespace(), parts_of(29), 0.5)
+    later = np.arange(29) >= 5
+    shorter = EntityLight("r3", share, later, SimpleNamespace(), Needed(parts_of(29), 0.5))
     assert (
         shorter.reason == "too little of a sixth of r3 is visible and 5 px apart from other lines"
     )
+
+
+def test_lamps_keep_a_reserve_only_as_far_as_other_lines_leave_one():
+    """Where 83 of 100 samples are apart, a lamp must show all of these; where all are, 88 of them."""
+    numbers = np.arange(100)
+    rim = EntityLight("r3", numbers / 99, numbers % 6 > 0, SimpleNamespace())
+    assert not rim.reason
+    assert rim.covers((numbers != 7)[None]).tolist() == [False]
+    assert rim.covers((numbers != 6)[None]).tolist() == [True]
+    free = EntityLight("r3", numbers / 99, numbers >= 0, SimpleNamespace())
+    assert free.covers(np.stack([numbers % 9 > 0, numbers % 8 > 0])).tolist() == [True, False]
+    # 79 are too few, whatever a lamp shows
+    crowded = EntityLight("r3", numbers / 99, (numbers % 5 > 0) & (numbers > 1), SimpleNamespace())
+    assert crowded.reason.startswith("only 79 % of r3 is visible")
 
 
 def line_shown_by(name, lamps):
@@ -180,7 +196,7 @@ def line_shown_by(name, lamps):
         found=lambda places: np.repeat(shown[places[:, :1].astype(int)], 100, 1)
     )
     usable = np.ones(100, dtype=bool)
-    return EntityLight(name, np.linspace(0.0, 1.0, 100), usable, sides, coverage=0.5)
+    return EntityLight(name, np.linspace(0.0, 1.0, 100), usable, sides, Needed(apart=0.5))
 
 
 def test_one_line_at_each_corner_is_enough():
