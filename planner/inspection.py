@@ -36,7 +36,13 @@ from planner.argument_kinds import (
     shown,
     with_article,
 )
-from planner.callbacks import FORESEEN_SHARE, Callbacks, Deadline
+from planner.callbacks import (
+    FORESEEN_SHARE,
+    LAMPS_SHARE,
+    LIT_SEARCH_SHARE,
+    Callbacks,
+    Deadline,
+)
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.exceptions import RequestError
@@ -59,6 +65,7 @@ from planner.resolve_request import ResolvedRequest, problem_on, resolve_request
 from planner.resume import PlanningState
 from planner.search.given import plan_of_given
 from planner.search.incumbents import Incumbents, SearchRun, needed
+from planner.search.lit_poses import with_lamps_in_time
 from planner.search.split_plan import with_split
 from planner.search.stages import run_stages, settle_early
 from planner.sensor_setting import Reason, ReasonKind, SensorSetting
@@ -154,10 +161,23 @@ def plan_inspection(
         options.lighting.check_part(solid)
     resolved = resolve_request(solid, entities, camera, pose_uncertainty, options)
 
-    def completed(plan: InspectionPlan) -> InspectionPlan:
-        return foreseen_in_time(plan, solid, deadline.time_left(FORESEEN_SHARE))[0]
+    lighting = resolved.request.lighting
 
-    return plan_request(solid, resolved, options, completed=completed)
+    def completed(plan: InspectionPlan) -> InspectionPlan:
+        lit = with_light(plan, solid, lighting, options.progress, options.executor)
+        return foreseen_in_time(lit, solid, deadline.time_left(FORESEEN_SHARE))[0]
+
+    search = deadline
+    if lighting is not None:
+        search = deadline.of_search(deadline.gap, LIT_SEARCH_SHARE)
+    return plan_request(
+        solid,
+        resolved,
+        options,
+        search,
+        completed=completed,
+        lamps_until=deadline.at(LAMPS_SHARE),
+    )
 
 
 @with_one_thread
@@ -167,6 +187,7 @@ def plan_request(
     options: RunOptions,
     deadline: Deadline | None = None,
     completed: Callable[[InspectionPlan], InspectionPlan] | None = None,
+    lamps_until: float = math.inf,
 ) -> InspectionPlan:
     """Plan what was asked.
 
@@ -179,10 +200,11 @@ def plan_request(
     options : RunOptions
         How the plan is computed.
     deadline : Deadline, optional
-        When the search ends. Default: by the time limit of the options, from now. With a deadline, a plan that it ends
-        has no lamps: the caller knows what time is left for them, see `with_light`.
+        When the search ends. Default: by the time limit of the options, from now.
     completed : callable, optional
         Returns a plan with what it lacks when the search ends; ``on_incumbent`` gets it last.
+    lamps_until : float
+        When no more lamps are sought for a plan that the deadline ended, as `time.time` counts. It may then lack them.
 
     Returns
     -------
@@ -195,7 +217,6 @@ def plan_request(
         As `plan_inspection`.
     """
     request = resolved.request
-    lamps_later = deadline is not None
     deadline = deadline or Deadline(options.time_limit_s, request.gap)
     if options.state is not None:
         request.check_lasting()
@@ -224,10 +245,10 @@ def plan_request(
             early = settle_early(run, incumbents.latest(run), incumbents.proven)
         finally:
             memo.save()
-    if early is not None and not lamps_later and request.lighting is not None:
+    if early is not None and request.lighting is not None:
         # lamps take time, in which somebody may interrupt
         incumbents.publish(early)
-        early = with_light(early, solid, request.lighting, options.progress, options.executor)
+        early = shown_only(with_lamps_in_time(run, request.lighting, early, lamps_until))
     result = early or memo.plan
     assert result is not None
     if completed is not None:

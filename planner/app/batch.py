@@ -526,7 +526,13 @@ class FolderWork:
         request = self.resolved.request
         share = SEARCH_SHARE if request.lighting is None else LIT_SEARCH_SHARE
         deadline = self.deadline.of_search(request.gap, share)
-        return plan_request(self.solid, self.resolved, options, deadline)
+        return plan_request(
+            self.solid,
+            self.resolved,
+            options,
+            deadline,
+            lamps_until=self.deadline.at(LAMPS_SHARE),
+        )
 
     def unwritten(self, plan: InspectionPlan, error: OutputError) -> OutputError:
         """Return what to raise when a plan cannot be written."""

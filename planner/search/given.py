@@ -24,9 +24,10 @@ from planner.request.problem import Problem, why_missed, witness_states
 from planner.search.columns import derive_seed
 from planner.search.evolution import Centring
 from planner.search.incumbents import SearchRun, as_simulated, assembled
+from planner.search.lit_poses import lamp_places, shown_by_lamps
 from planner.search.plan_setting import setting_at, without
 from planner.search.realise_column import MEANING, keeps, without_corners
-from planner.search.stages import centre_all, lamp_places, shown_by_lamps
+from planner.search.stages import centre_all
 from planner.sensor_setting import Reason, ReasonKind, SensorSetting
 
 # so long the integer program may take; a plan depends on the clock only beyond

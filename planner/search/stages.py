@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from aspectgraph.solid.solid import RayScene
 from ground.shared import Shared
 from planner.bound.lower_bound import (
     ProvenBound,
@@ -27,11 +25,7 @@ from planner.bound.lower_bound import (
 )
 from planner.cover import few_columns, sets_to_realise
 from planner.executors import in_order
-from planner.light.area_light import EdgePoints, shown_of_plan
-from planner.light.corner_light import parts_of
-from planner.light.lighting import Lighting, eyes_of
-from planner.light.mounted_light import flat_normals
-from planner.light.plan_light import chosen_lamps
+from planner.light.lighting import Lighting
 from planner.plan import InspectionPlan
 from planner.progress import report
 from planner.request.problem import Problem
@@ -42,9 +36,7 @@ from planner.search.columns import (
     Pools,
     WarmStart,
     derive_seed,
-    entity_poses,
     judged_poses,
-    perturbed,
     price_poses,
 )
 from planner.search.counted_columns import CountedColumns, already_there, chosen_settings
@@ -63,6 +55,7 @@ from planner.search.incumbents import (
     in_order_of_arm,
     may_split,
 )
+from planner.search.lit_poses import with_lamps
 from planner.search.plan_setting import setting_at, without
 from planner.search.realise_column import (
     ALL_TRIALS,
@@ -78,8 +71,7 @@ from planner.sensor_setting import Reason, ReasonKind, SensorSetting
 from planner.verify.joint_counts import JOINT_POSES, MOST_REQUIRED
 
 if TYPE_CHECKING:
-    from planner.camera.camera import Camera
-    from planner.camera.pose import PoseUncertainty
+    pass
 
 # Last step: the final cover is chosen, and every setting in it gets the best pose that simulation
 # supports.
@@ -450,6 +442,10 @@ def centre_all(
     return moved
 
 
+# Columns: the pools are filled from viewpoints of every entity, then improved where the cover
+# would profit.
+
+
 # rounds of column generation between two searches
 _ROUNDS_PER_SEARCH = 5
 # smallest number of rounds of column generation from poses that the proof found
@@ -458,26 +454,6 @@ _JOINING_ROUNDS = 5
 _MOST_JOINING_ROUNDS = 25
 # these rounds times columns is about this, because a round over many columns takes longer
 _ROUNDS_TIMES_COLUMNS = 20_000
-# viewpoints drawn for each unlit entity, in addition to the poses of the pool
-_LIGHT_VIEWPOINTS = 60
-# poses tried around each planned pose of the entity, which may keep the other targets of the
-# setting
-_LIGHT_AROUND = 400
-# poses of each entity whose light is computed
-_LIGHT_TRIED = 48
-# of the poses where the entity is lit, keep this many as candidates: those that inspect most
-# entities with the highest probability
-_LIGHT_KEPT = 8
-# sine of the angle between an image's way up and a normal, from which on a camera can be turned to it
-_NEARLY_PARALLEL = 0.1
-# lamp positions tried in addition to the chosen ones, for lamps without fixed positions
-_LIGHT_PLACES = 1000
-
-
-# Columns: the pools are filled from viewpoints of every entity, then improved where the cover
-# would profit.
-
-
 # entities without a view are tried so many at a time: whole numbers of what several processes take at once
 _AT_A_TIME = 16
 # rounds of column generation before that: they come across views of many, and a round costs less than trying one
@@ -744,262 +720,6 @@ def refute(run: SearchRun, inspected: np.ndarray, bound: int, incumbents: Incumb
             if set(names) - set(reached):
                 impossible = np.vstack([impossible, np.isin(run.names, names)])
         incumbents.offer(run)
-
-
-# Settings in which a lamp shows what they measure: where none does, other poses are looked for.
-#
-# The search for poses knows nothing of lamps. If lamps are asked for, what no lamp shows in any
-# of the chosen settings is looked at from other poses that inspect it: those kept in the pool,
-# and some drawn anew. Where a lamp shows it from one of these, the settings are chosen once more,
-# among the old ones and these, by what is shown of each.
-
-
-# multiples of it, without their whole parts, are spread evenly
-_GOLDEN = (5**0.5 - 1) / 2
-
-
-class _Posed(NamedTuple):
-    """Some settings of a plan and what they measure, as `planner.light` asks for it."""
-
-    settings: Sequence[SensorSetting]
-    targets: Mapping[str, Any]
-    camera: Camera
-    pose_uncertainty: PoseUncertainty
-    accuracy: float
-    requirements: Mapping[str, float]
-
-
-def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> InspectionPlan:
-    """Return a plan with lamps, of other settings where that shows more.
-
-    **Guarantee.** It measures what the draft measures, as surely as is asked. What a lamp shows in a setting of the
-    draft, a lamp shows in one of the result. No new setting is taken unless that holds; else the draft's are kept.
-
-    Parameters
-    ----------
-    run : SearchRun
-        Its pool holds other poses.
-    lighting : Lighting
-        What is asked of the lamps.
-    draft : InspectionPlan
-        The settings chosen without them.
-    """
-    lighting = lighting.on_part(run.problem.space.solid, draft.camera)
-    lit = replace(
-        draft,
-        light=chosen_lamps(
-            lighting,
-            draft,
-            run.problem.space.solid,
-            run.callbacks.report,
-            reads=run.problem.reads,
-            executor=run.executor,
-        ),
-    )
-    assert lit.light is not None
-    if lit.light.complete or lighting.together:
-        return lit
-    dark = lit.unlit
-    places = lamp_places(lighting, lit)
-    others = _shown_from_elsewhere(run, lighting, lit, dark, places) if dark else []
-    settings = _chosen_among(run, lit, others)
-    if settings == list(lit.settings):
-        return lit
-    plan = assembled(
-        run,
-        settings,
-        draft.lower_bound,
-        draft.bound_proof,
-        unfinished=draft.unfinished,
-    )
-    better = replace(
-        plan,
-        light=chosen_lamps(
-            lighting,
-            plan,
-            run.problem.space.solid,
-            run.callbacks.report,
-            places,
-            run.problem.reads,
-            run.executor,
-        ),
-    )
-    return better if set(better.unlit) <= set(dark) else lit
-
-
-def lamp_places(lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
-    """Return places of lamps (n, 3) to try: those of the plan, and others if they may be placed; none of a ring."""
-    assert plan.light is not None
-    places = lighting.given
-    if places is None:
-        return np.empty((0, 3))
-    if isinstance(places, np.ndarray):
-        return places
-    return np.concatenate([plan.light.lamps, places.places(_LIGHT_PLACES)])
-
-
-def _shown_from_elsewhere(
-    run: SearchRun,
-    lighting: Lighting,
-    plan: InspectionPlan,
-    dark: Sequence[str],
-    places: NDArray[np.float64],
-) -> list[SensorSetting]:
-    """Return settings in which lamps at some places show entities that are dark so far, and what else they show."""
-    elsewhere: list[SensorSetting] = []
-    run.callbacks.report(0, len(dark), "poses in the light")
-    for k, name in enumerate(dark):
-        square_on = lighting.area is not None and lighting.area.square_on
-        poses = _poses_that_inspect(run, plan, name, _LIGHT_TRIED, square_on=square_on)
-        settings = [
-            setting_at(run.problem, pose, [name], "pose in which a lamp shows it") for pose in poses
-        ]
-        lit = shown_by_lamps(run, lighting, plan, settings, places)
-        seen = [setting for setting, names in zip(settings, lit, strict=True) if name in names]
-        seen_from = np.array([setting.cam2world for setting in seen]).reshape(-1, 4, 4)
-        more = run.judge(seen_from).inspects.sum(axis=1)
-        order = sorted(range(len(seen)), key=lambda i: (-more[i], -seen[i].fitness))
-        elsewhere += [seen[i] for i in order[:_LIGHT_KEPT]]
-        run.callbacks.report(k + 1, len(dark), "poses in the light")
-    full = _with_all(run, elsewhere)
-    lit = shown_by_lamps(run, lighting, plan, full, places)
-    cut = [
-        without(run.problem, setting, [name for name in setting.entities if name not in names])
-        for setting, names in zip(full, lit, strict=True)
-    ]
-    return [setting for setting in cut if setting.entities]
-
-
-def _with_all(run: SearchRun, settings: Sequence[SensorSetting]) -> list[SensorSetting]:
-    """Return settings with all that their poses inspect and simulation does not contradict; none that state nothing."""
-    full = []
-    for setting in settings:
-        names = run.names_of(run.judge(setting.cam2world[None]).inspects[0])
-        seed = derive_seed(run.seed, names)
-        full.append(setting_at(run.problem, setting.cam2world, names, setting.message, seed=seed))
-    for k, _ in enumerate(run.simulate(full), 1):
-        run.callbacks.report(k, len(full), "counts in the light")
-    return as_simulated(run, full)
-
-
-def _poses_that_inspect(
-    run: SearchRun, plan: InspectionPlan, name: str, most_poses: int, *, square_on: bool = False
-) -> NDArray[np.float64]:
-    """Return poses (n, 4, 4) that inspect an entity, so many at most: half inspect most, half are spread.
-
-    If asked, all of them look square at a flat face beside it.
-    """
-    column = run.names.index(name)
-    seed = derive_seed(run.seed, ["light", name])
-    pooled = run.pool.poses[run.pool.membership[:, column]]
-    drawn = entity_poses(run.judge, name, _LIGHT_VIEWPOINTS, seed)
-    planned = np.array([setting.cam2world for setting in plan.settings if name in setting.entities])
-    near = np.repeat(planned, _LIGHT_AROUND, axis=0)
-    near = perturbed(near, run.problem.camera.focus_distance_mm, np.random.default_rng(seed))
-    poses = np.concatenate([pooled, drawn, near])
-    if square_on:
-        poses = _squared(run, plan, name, poses)
-    inspects = run.judge(poses).inspects
-    poses = poses[inspects[:, column]]
-    more = inspects[inspects[:, column]].sum(axis=1)
-    if len(poses) <= most_poses:
-        return poses
-    # of many that inspect as much, some from everywhere: neighbours in the list have the same viewpoint
-    spread = np.modf(np.arange(len(poses)) * _GOLDEN)[0]
-    richest = np.lexsort((spread, -more))[: most_poses // 2]
-    remaining = np.setdiff1d(np.arange(len(poses)), richest)
-    others = remaining[
-        np.linspace(0, len(remaining) - 1, most_poses - len(richest)).round().astype(int)
-    ]
-    return np.asarray(poses[np.concatenate([richest, others])])
-
-
-def _squared(
-    run: SearchRun, plan: InspectionPlan, name: str, poses: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return poses (n, 4, 4) turned about the place in focus until they look square at a flat face beside a target."""
-    solid = run.problem.space.solid
-    distance = run.problem.camera.focus_distance_mm
-    focus = poses[:, :3, 3] + distance * poses[:, :3, 2]
-    turned = []
-    for part in parts_of(plan.targets[name], solid, name):
-        for normal in flat_normals(EdgePoints.of(solid, part.edge_ids)):
-            rolled = poses.copy()
-            # the way up of the image stays as near as it can be
-            right = np.cross(poses[:, :3, 1], -normal)
-            lengths = np.linalg.norm(right, axis=1)
-            right /= np.maximum(lengths, _NEARLY_PARALLEL)[:, None]
-            down = np.cross(-normal, right)
-            axes = np.broadcast_to(-normal, right.shape)
-            rolled[:, :3, :3] = np.stack([right, down, axes], axis=-1)
-            rolled[:, :3, 3] = focus + distance * normal
-            turned.append(rolled[lengths > _NEARLY_PARALLEL])
-    return np.concatenate(turned) if turned else poses
-
-
-def shown_by_lamps(
-    run: SearchRun,
-    lighting: Lighting,
-    plan: InspectionPlan,
-    settings: Sequence[SensorSetting],
-    places: NDArray[np.float64],
-) -> list[set[str]]:
-    """Return what lamps at some places, or the ring on the camera, show in each setting, whichever lamp it takes."""
-    names_shown: list[set[str]] = [set() for _ in settings]
-    if not settings:
-        return names_shown
-    posed = _Posed(
-        settings,
-        plan.targets,
-        plan.camera,
-        plan.pose_uncertainty,
-        plan.accuracy,
-        plan.requirements,
-    )
-    if lighting.area is not None:
-        solid = run.problem.space.solid
-        scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
-        shown = shown_of_plan(
-            lighting.area, posed, solid, scene, lighting.limits, run.problem.reads
-        )
-        return [set(setting.contrast) for setting in shown]
-    served = lighting.served(
-        posed, run.problem.space.solid, run.callbacks.silent.report, run.problem.reads
-    )
-    if lighting.is_ring:
-        served.keep_own(eyes_of(posed))
-    elif lighting.is_fixed:
-        served.keep(places)
-    else:
-        served.add(places)
-    lit = np.asarray((served.contrast > 0).any(axis=0))
-    for pair, is_lit in zip(served.pairs, lit, strict=True):
-        if is_lit:
-            names_shown[pair.setting].add(pair.name)
-    return names_shown
-
-
-def _chosen_among(
-    run: SearchRun, plan: InspectionPlan, others: Sequence[SensorSetting]
-) -> list[SensorSetting]:
-    """Return the fewest settings, of a plan and others, that show what any of them shows; the rest stays for now."""
-    assert plan.light is not None
-    dark = plan.unlit
-    shown = {name for setting in others for name in setting.entities} | {
-        n for n in plan.promises if n not in dark
-    }
-    old = []
-    for setting, shadows in zip(plan.settings, plan.light.unlit, strict=True):
-        needless = [name for name in shadows if name in shown]
-        old.append(without(run.problem, setting, needless) if needless else setting)
-    options = [setting for setting in (*old, *others) if setting.entities]
-    if not others:
-        return options
-    columns = np.array([np.isin(run.names, setting.entities) for setting in options])
-    covered = columns.any(axis=0)
-    quality = np.array([setting.fitness / len(setting.entities) for setting in options])
-    chosen = few_columns(columns[:, covered], run.nodes(), run.rng("light"), quality)
-    return [options[c] for c in chosen]
 
 
 @dataclass(frozen=True)
