@@ -65,7 +65,7 @@ from planner.resolve_request import ResolvedRequest, problem_on, resolve_request
 from planner.resume import PlanningState
 from planner.search.given import plan_of_given
 from planner.search.incumbents import Incumbents, SearchRun, needed
-from planner.search.lit_poses import with_lamps_in_time
+from planner.search.lit_poses import unlit_witnesses, with_lamps_in_time
 from planner.search.split_plan import with_split
 from planner.search.stages import run_stages, settle_early
 from planner.sensor_setting import Reason, ReasonKind, SensorSetting
@@ -316,7 +316,8 @@ def _problem(
             "must be long enough to compute from where one target is observable",
             f"{options.time_limit_s:g}",
         )
-    return registered_problem(problem_on(request, space, targets), request.registration)
+    problem = registered_problem(problem_on(request, space, targets), request.registration)
+    return replace(problem, unlit=unlit_witnesses(problem, request.lighting))
 
 
 def visible_regions(

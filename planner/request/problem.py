@@ -339,6 +339,8 @@ class Problem:
         By how much edges are broken; for dimensions. Default: not at all.
     reads : Reads, optional
         What measuring will find in the images, for lamps; default: lamps are chosen by the faces beside edges alone.
+    unlit : frozenset of str
+        Targets of `single` that no lamp lights. No pose inspects them.
     chosen : mapping of str to int
         Which of its witnesses a target has here, where it had several; see `at_pose`.
 
@@ -361,6 +363,7 @@ class Problem:
     registered: OwnEdges | PoseUncertainty | None = None
     edges: EdgeState = SHARP
     reads: Reads | None = None
+    unlit: frozenset[str] = frozenset()
     chosen: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

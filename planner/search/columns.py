@@ -258,6 +258,7 @@ class Judge:
         self.constraints = self.single.constraints
         self.ends = problem.ends
         self._by_witness = _ByWitness(problem.owner) if problem.has_choice else None
+        self._unlit = np.isin(self.single.names, sorted(problem.unlit))
         nearest, farthest = self.camera.depth_of_field_mm
         depth = min(farthest, 10 * nearest) - nearest
         self._tolerance = {
@@ -344,7 +345,7 @@ class Judge:
     def _judge(self, cam2world: np.ndarray, prices: np.ndarray | None) -> Judgement:
         check_on_the_way()
         missed = self._missed(cam2world)
-        nearly = missed <= 1.0
+        nearly = (missed <= 1.0) & ~self._unlit
         worth = _Worth(prices, self._by_witness)
         worth.drop_worthless(nearly)
         probability = np.zeros(nearly.shape)

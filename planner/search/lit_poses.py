@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from aspectgraph.solid.solid import RayScene
 from planner.callbacks import Deadline
@@ -27,10 +28,11 @@ from planner.light.mounted_light import flat_normals
 from planner.light.plan_light import chosen_lamps
 from planner.plan import InspectionPlan
 from planner.progress import TimeIsUpError, TimeLeft
+from planner.request.problem import Problem
 from planner.search.columns import derive_seed, entity_poses, perturbed
 from planner.search.incumbents import SearchRun, as_simulated, assembled
 from planner.search.plan_setting import setting_at, without
-from planner.sensor_setting import SensorSetting
+from planner.sensor_setting import Reason, ReasonKind, SensorSetting
 
 if TYPE_CHECKING:
     from planner.camera.camera import Camera
@@ -52,6 +54,71 @@ _NEARLY_PARALLEL = 0.1
 _LIGHT_PLACES = 1000
 # multiples of it, without their whole parts, are spread evenly
 _GOLDEN = (5**0.5 - 1) / 2
+
+
+def unlit_witnesses(problem: Problem, lighting: Lighting | None) -> frozenset[str]:
+    """Return the witnesses of which no lamp lights all, wherever the camera is: no pose is worth a search for them.
+
+    An edge shows if one of its faces, which need not be the same everywhere, is lit with the step of grey values. So
+    somewhere along an edge that no lamp lights like that, both faces turn away from each lamp, or nearly. Shadows do
+    not count. Between the positions that are tried in a box or dome, the light of a face changes as little as the
+    distance to the next one allows.
+
+    Parameters
+    ----------
+    problem : Problem
+        The request; see `Problem.single`.
+    lighting : Lighting or None
+        What is asked of the lamps. Nothing is left out for a ring, a light with an area, a bright ground, or lamps that
+        are on together.
+    """
+    lamps = None if lighting is None or lighting.together else lighting.given
+    if lighting is None or lamps is None or lighting.ground != "dark":
+        return frozenset()
+    gap_mm = 0.0
+    if not isinstance(lamps, np.ndarray):
+        lamps = lamps.places(_LIGHT_PLACES)
+        near, _ = cKDTree(lamps).query(lamps, k=min(2, len(lamps)))
+        gap_mm = float(near.max())
+    solid = problem.space.solid
+    return frozenset(
+        target.name
+        for target in problem.single.targets
+        if not all(
+            _may_be_lit(EdgePoints.of(solid, part.edge_ids), lamps, gap_mm, lighting.step)
+            for part in parts_of(target, solid, target.name)
+        )
+    )
+
+
+def _may_be_lit(
+    edges: EdgePoints, lamps: NDArray[np.float64], gap_mm: float, least_step: float
+) -> bool:
+    """Return whether a lamp (n, 3), or one at most a gap from it, may light all of some edges with a step."""
+    towards = lamps[:, None] - edges.points
+    distance = np.linalg.norm(towards, axis=-1)
+    light = np.einsum("nmk,mfk->nmf", towards, edges.normals).max(axis=-1) + gap_mm
+    return bool((light >= least_step * distance).all(axis=1).any())
+
+
+def never_lit(problem: Problem, lighting: Lighting | None) -> dict[str, Reason]:
+    """Return the targets without a witness that a lamp may light, and the reason."""
+    unlit = np.isin(problem.single.names, sorted(problem.unlit))
+    if lighting is None or not unlit.any():
+        return {}
+    lamps = lighting.given
+    if not isinstance(lamps, np.ndarray):
+        start = f"no position in {lamps} lights"
+    elif len(lamps) > 1:
+        start = f"none of {len(lamps)} lamps lights"
+    else:
+        start = "the lamp does not light"
+    text = f"{start} all of it, wherever the camera is: somewhere both of its faces turn away."
+    return {
+        name: Reason.of(ReasonKind.NOT_SHOWN, text)
+        for k, name in enumerate(problem.names)
+        if unlit[problem.owner == k].all()
+    }
 
 
 class _Posed(NamedTuple):

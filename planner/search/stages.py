@@ -55,7 +55,7 @@ from planner.search.incumbents import (
     in_order_of_arm,
     may_split,
 )
-from planner.search.lit_poses import with_lamps
+from planner.search.lit_poses import never_lit, with_lamps
 from planner.search.plan_setting import setting_at, without
 from planner.search.realise_column import (
     ALL_TRIALS,
@@ -886,7 +886,8 @@ def run_stages(
         incumbents.on_incompatible(run)
     else:
         state.stage = names[0]
-        state.uninspectable = without_corners(run.judge)
+        unlit = never_lit(run.problem, lighting)
+        state.uninspectable = {**without_corners(run.judge), **unlit}
         incumbents.glance(run)
     for stage in STAGES[names.index(state.stage) :]:
         if stage.name != state.stage:
