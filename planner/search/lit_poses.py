@@ -189,12 +189,13 @@ def _lit(
     until: float = math.inf,
     also: ArrayLike = (),
 ) -> InspectionPlan:
-    """Return a plan with lamps, some of which may be at places (n, 3)."""
+    """Return a plan with lamps, some of which may be at places (n, 3). What is begun before a deadline is ended."""
+    progress = run.callbacks.report if until == math.inf else run.callbacks.progress
     light = chosen_lamps(
         lighting,
         plan,
         run.problem.space.solid,
-        run.callbacks.report,
+        progress,
         also,
         run.problem.reads,
         run.executor,

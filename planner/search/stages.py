@@ -477,17 +477,22 @@ def sample_poses(run: SearchRun, incumbents: Incumbents) -> None:
 def realise_missing_alone(run: SearchRun, incumbents: Incumbents) -> dict[str, Reason]:
     """Give entities that no pose inspects a run of their own; return the reasons of those that fail.
 
-    What some of them add to the plan is offered before the others are tried, as each takes seconds.
+    What some of them add to the plan is offered before the others are tried, as each takes seconds. Those that no lamp
+    lights are not tried.
     """
-    missing = [name for i, name in enumerate(run.names) if not run.pool.membership[:, i].any()]
-    reasons: dict[str, Reason] = {}
+    state = run.state.uninspectable
+    reasons = {name: state[name] for name in state if state[name].kind is ReasonKind.NOT_SHOWN}
+    seen = run.pool.membership.any(axis=0)
+    missing = [n for n, is_seen in zip(run.names, seen, strict=True) if not is_seen]
+    missing = [name for name in missing if name not in reasons]
+    n_unlit = len(reasons)
     for first in range(0, len(missing), _AT_A_TIME):
         batch = missing[first : first + _AT_A_TIME]
         for name, outcome in zip(batch, run.realise([(name,) for name in batch]), strict=True):
             if name not in run.accept(outcome):
                 remedy = run.problem.find_target(name).remedy
                 reasons[name] = outcome.reason_at(run.problem.probability, remedy)
-        if len(reasons) < first + len(batch):
+        if len(reasons) - n_unlit < first + len(batch):
             incumbents.offer(run)
     return reasons
 

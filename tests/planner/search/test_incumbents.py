@@ -38,9 +38,8 @@ from planner.request.camera_limits import default_workspace
 from planner.request.problem import Problem
 from planner.rows import measured_rows
 from planner.search import incumbents as supported_columns
+from planner.search import lit_poses, realise_column
 from planner.search import plan_setting as pose_setting
-from planner.search import realise_column
-from planner.search import stages as module
 from planner.search.columns import ColumnPool
 from planner.search.incumbents import SupportedColumns, with_lines_in_windows
 from planner.search.realise_column import PosedOnly, promised_too_much
@@ -483,8 +482,9 @@ def test_what_is_shown_from_nowhere_is_not_inspected():
     """Below the part, a lamp shows neither the top nor, from behind the face, that one."""
     found = planned(lamps=[(200.0, 25.0, -300.0)])
     assert found.uninspectable["left"].kind is ReasonKind.NOT_SHOWN
-    assert found.uninspectable["left"].startswith(
-        "not readable in the light: the lamp does not show it"
+    assert found.uninspectable["left"] == (
+        "not readable in the light: the lamp does not light all of it, wherever the camera is: "
+        "somewhere both of its faces turn away."
     )
     assert (found.complete, found.settings, found.lower_bound) == (False, (), 0)
     assert found.light.images == ()
@@ -550,7 +550,10 @@ def test_a_setting_does_not_measure_what_only_another_one_shows(monkeypatch):
     )
     run = SimpleNamespace(problem=None, names=["left", "right"])
     # what nothing shows stays where it was, until the plan leaves it out
-    assert [one.entities for one in module._chosen_among(run, two, [])] == [("right",), ("left",)]
+    assert [one.entities for one in lit_poses._chosen_among(run, two, [])] == [
+        ("right",),
+        ("left",),
+    ]
 
 
 def test_lighting_tells_what_is_asked():

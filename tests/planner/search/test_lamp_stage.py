@@ -5,13 +5,27 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from plan_examples import plan, setting
+from holed_plate import holed_plate
+from lit_parts import block
+from plan_examples import BRIEF, plan, setting
 
-from planner import LightPlan
+from aspectgraph import compute_light
+from planner import (
+    Camera,
+    Detectability,
+    LampDome,
+    Lighting,
+    LightPlan,
+    PoseUncertainty,
+    inspection,
+    plan_inspection,
+)
 from planner.callbacks import Callbacks
 from planner.inspection import shown_only
 from planner.light.light_plan import LitImage
-from planner.search import stages
+from planner.measuring.samples import circle_of
+from planner.progress import TimeIsUpError
+from planner.search import lit_poses, stages
 from planner.search.incumbents import Incumbents
 from planner.sensor_setting import ReasonKind
 
@@ -102,3 +116,85 @@ def test_a_setting_that_adds_nothing_in_the_light_is_left_out():
     made = shown_only(plan(settings=settings, uninspectable={}, light=light))
     assert [one.entities for one in made.settings] == [("top front", "bottom")]
     assert made.light.images == shown[1:]
+
+
+def witnesses_of(plate):
+    """A request for each rim of a plate, as `unlit_witnesses` asks for it."""
+    targets = [SimpleNamespace(name=rim.id, geometry=(circle_of(rim),)) for rim in plate.rims()]
+    return SimpleNamespace(
+        space=SimpleNamespace(solid=plate), single=SimpleNamespace(targets=targets)
+    )
+
+
+def test_no_pose_is_searched_for_rims_that_no_lamp_lights():
+    """Of a bore, lamps above light the lower rim's wall on one side at most, and its lower face never."""
+    plate = holed_plate()
+    upper = {rim.id for rim in plate.rims() if rim.centre[2] > plate.bounds[0][2] + 1.0}
+    assert upper
+    lower = {rim.id for rim in plate.rims()} - upper
+    dome = LampDome((40.0, 25.0, 0.0), 400.0, 100.0)
+    lighting = Lighting(dome)
+    assert lit_poses.unlit_witnesses(witnesses_of(plate), lighting) == lower
+    # whatever is left out shows under no lamp where its light is computed
+    lamps = dome.places(300)
+    light = compute_light(plate, {name: name for name in upper | lower}, contrast=0.1)
+    shown = light.showing(lamps).any(axis=0)
+    assert not shown[[name in lower for name in light.entity_names]].any()
+    for other in (Lighting(dome, ground="bright"), Lighting("ring"), None):
+        assert not lit_poses.unlit_witnesses(witnesses_of(plate), other)
+    below = Lighting([(0.0, 0.0, -400.0), (80.0, 50.0, -400.0)])
+    assert lit_poses.unlit_witnesses(witnesses_of(plate), below) == upper
+
+
+# as high above the top of the block as in front of its face x = 0: both are equally bright
+EVEN = (-400.0, 25.0, 460.0)
+
+
+def test_a_plan_that_its_limit_ended_gets_other_poses_in_the_light(monkeypatch):
+    """As one that ended by itself: a lamp shows the edge where one of its faces is seen alone."""
+
+    def ended(run, incumbents, lighting):
+        stages.run_stages(run, incumbents)
+        raise TimeIsUpError
+
+    monkeypatch.setattr(inspection, "run_stages", ended)
+
+    def planned(seed, lamps):
+        return plan_inspection(
+            block(),
+            {"left": [[0.0, 0, 60], [0, 50, 60]]},
+            Camera.named("basler-acA2440-20gm-8mm"),
+            PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001),
+            effort=BRIEF,
+            showing=Detectability(0, 0, 0),
+            lamps=lamps,
+            rng=seed,
+            time_limit_s=600.0,
+        )
+
+    dark = [seed for seed in range(6) if sees_both(planned(seed, None))]
+    assert dark
+    lit = [made for made in (planned(seed, [EVEN]) for seed in dark) if made.inspected]
+    # few poses are drawn, and not always one in which the lamp shows it
+    assert len(lit) >= len(dark) / 2
+    for made in lit:
+        assert made.unfinished
+        assert made.light.complete
+        assert made.settings[0].message == "pose in which a lamp shows it"
+
+
+def sees_both(made):
+    """Whether the camera of its one setting sees both faces that meet at the edge."""
+    (one,) = made.settings
+    return one.position[0] < 0 and one.position[2] > 60
+
+
+def test_a_plan_stays_without_lamps_where_there_is_no_time_for_them(monkeypatch):
+    def late(*_):
+        raise TimeIsUpError
+
+    monkeypatch.setattr(lit_poses, "chosen_lamps", late)
+    draft = plan(settings=(setting((0.0, 0.0, 300.0), ["top front", "top right"]),))
+    problem = SimpleNamespace(space=SimpleNamespace(solid=block()), reads=None)
+    run = SimpleNamespace(problem=problem, callbacks=Callbacks(), executor=None)
+    assert lit_poses.with_lamps_in_time(run, Lighting([EVEN]), draft, 0.0) is draft

@@ -31,7 +31,7 @@ from planner.plan_file import packed, unpacked
 from planner.progress import TimeIsUpError
 from planner.request.problem import Problem
 from planner.resume import PlanningState
-from planner.search import stages
+from planner.search import lit_poses, stages
 from planner.search import stages as prove_bound
 from planner.search import stages as settle
 from planner.search.columns import ColumnPool, Pools
@@ -556,7 +556,7 @@ def test_several_processes_fill_settings_as_one_does():
         run.executor = executor
         run.callbacks = Callbacks(progress=lambda *state: told.append(state))
         sought = [setting_at(run.problem, ABOVE, (BACK,), ""), stated(run, BEFORE, {FRONT: 0.99})]
-        filled.append(settle._with_all(run, sought))
+        filled.append(lit_poses._with_all(run, sought))
     assert [set(one.entities) for one in filled[0]] == [set(NAMES_RETRY), {FRONT}]
     assert [one.p_all for one in filled[0]] == [one.p_all for one in filled[1]]
     assert told == [(1, 2, "counts in the light"), (2, 2, "counts in the light")] * 2
