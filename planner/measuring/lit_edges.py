@@ -512,8 +512,8 @@ class LitEdges:
         if entity.is_apart and entity.covers(lit[None])[0]:
             return ""
         state = f"shows {APART_PX:.0f} px apart from other lines"
-        least = min(needed.shown, float(apart.mean())) if entity.is_apart else needed.apart
-        return _too_little(entity, lit & apart, least, state)
+        share = min(needed.shown, float(apart.mean())) if entity.is_apart else needed.apart
+        return _too_little(entity, lit & apart, share, state)
 
     def _lit(
         self,

@@ -482,9 +482,11 @@ def realise_missing_alone(run: SearchRun, incumbents: Incumbents) -> dict[str, R
     """
     state = run.state.uninspectable
     reasons = {name: state[name] for name in state if state[name].kind is ReasonKind.NOT_SHOWN}
-    seen = run.pool.membership.any(axis=0)
-    missing = [n for n, is_seen in zip(run.names, seen, strict=True) if not is_seen]
-    missing = [name for name in missing if name not in reasons]
+    missing = [
+        name
+        for i, name in enumerate(run.names)
+        if name not in reasons and not run.pool.membership[:, i].any()
+    ]
     n_unlit = len(reasons)
     for first in range(0, len(missing), _AT_A_TIME):
         batch = missing[first : first + _AT_A_TIME]

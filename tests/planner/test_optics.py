@@ -189,8 +189,11 @@ def test_a_bare_edge_is_rated_as_predict_rates_it():
 
 
 def test_lights_show_only_what_is_read_as_in_a_plan():
-    """The rim of a hole that nearly touches another one is bright enough, but two lines lie too near each other."""
-    solid = thick_plate({"left": ((28.0, 25.0), 8.0), "right": ((41.2, 25.0), 5.0)})
+    """The rim of a hole that nearly touches three others is bright enough, but four lines lie too near each other."""
+    around = {"right": (41.2, 25.0), "further left": (14.8, 25.0), "behind": (28.0, 38.2)}
+    solid = thick_plate(
+        {"left": ((28.0, 25.0), 8.0), **{name: (middle, 5.0) for name, middle in around.items()}}
+    )
     circle = Circle([28.0, 25.0, TOP], UP, 8.0)
     bore = dimension("diameter", upper_rims(solid)[:1], (circle,), (-0.1, 0.1))
     plan = measured_plan(solid, ("bore",), settings=1, dimensions={"bore": bore})

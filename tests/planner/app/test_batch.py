@@ -336,8 +336,8 @@ def test_what_a_time_limit_ended_is_kept_for_a_longer_one(parts, request_, tmp_p
     (parts / "more" / "a.off").unlink()
     true_plan = batch.plan_request
 
-    def ended_early(*arguments):
-        return replace(true_plan(*arguments), unfinished=True)
+    def ended_early(*arguments, **keywords):
+        return replace(true_plan(*arguments, **keywords), unfinished=True)
 
     regions = tmp_path / "out" / "a.off" / batch.REGIONS_FOLDER
     with ThreadPoolExecutor(1) as executor:

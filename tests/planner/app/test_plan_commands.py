@@ -140,8 +140,8 @@ def test_what_no_fixed_lamp_shows_makes_the_plan_incomplete(folder, capsys):
     assert main([*PLAN, "--light", "at:30,30,-100;40,40,-200"]) == INCOMPLETE
     told = " ".join(capsys.readouterr().out.split())
     assert (
-        "not inspected: p1, p2: not readable in the light: none of 2 lamps shows it: "
-        "2 with a contrast under 0.1. " in told
+        "not inspected: p1, p2: not readable in the light: none of 2 lamps lights all of it, "
+        "wherever the camera is: somewhere both of its faces turn away. " in told
     )
     assert "plan without --light, and 'aspectgraph lights' with that plan prints" in told
     # lamps at other places are another request
