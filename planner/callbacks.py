@@ -40,6 +40,9 @@ LEAST_SETTLING_S = 0.7
 FORESEEN_SHARE = 0.91
 """Share of a time limit after which it is no longer computed what `measure` will state."""
 
+PAGE_S = 0.005
+"""Seconds that the page takes for each target, without pictures."""
+
 PICTURES_SHARE = 0.95
 """Share of a time limit after which no more pictures are drawn, so that the page can be put together."""
 
@@ -106,20 +109,25 @@ class Deadline:
         late = now + _LATE_REGIONS_SHARE * (self._of_search(now) - now)
         return max(self.at(REGIONS_SHARE), late)
 
-    def of_search(self, gap: float = 0.0, share: float = SEARCH_SHARE) -> Deadline:
-        """Return the deadline of the search that begins now: its share of the limit, or its least time."""
+    def of_search(
+        self, gap: float = 0.0, share: float = SEARCH_SHARE, *, later_s: float = 0.0
+    ) -> Deadline:
+        """Return the deadline of the search that begins now: its share of the limit, or its least time.
+
+        Its share is shorter by the seconds of what must come later.
+        """
         if not self.limited:
             return Deadline(None, gap)
-        end = self._of_search(time.time(), share)
+        end = self._of_search(time.time(), share, later_s)
         deadline = Deadline(max(end - self._wall_begin, 1e-3), gap, self._begin)
         deadline._latest = self._latest
         return deadline
 
-    def _of_search(self, now: float, share: float = SEARCH_SHARE) -> float:
+    def _of_search(self, now: float, share: float = SEARCH_SHARE, later_s: float = 0.0) -> float:
         if self._latest == math.inf:
             return self.at(share)
         latest = self._wall_begin + self._latest + _SEARCH_BEYOND_S
-        return max(self.at(share), min(now + LEAST_SEARCH_S, latest))
+        return max(self.at(share) - later_s, min(now + LEAST_SEARCH_S, latest))
 
     def at(self, share: float = 1.0) -> float:
         """Return when a share of the time limit has passed, as `time.time` counts; infinity without a limit."""
@@ -137,15 +145,18 @@ class Deadline:
         latest = self._wall_begin + self._latest + _FIRST_PLAN_BEYOND_S
         return min(now + max(SETTLING_SHARE * self._limit, LEAST_SETTLING_S), max(latest, now))
 
-    def time_left(self, share: float = 1.0, least_s: float = 0.0) -> TimeLeft:
+    def time_left(
+        self, share: float = 1.0, least_s: float = 0.0, *, later_s: float = 0.0
+    ) -> TimeLeft:
         """Return what tells whether another piece of work fits until a share of the limit has passed.
 
-        Work that comes late has half of the time that is left, and so many seconds if they end soon after the limit.
+        Work that comes late has half of the time that is left before what must come later, which takes some seconds. It
+        has its least seconds if they end soon after the limit.
         """
         now = time.time()
         latest = self._wall_begin + self._latest + _SIMULATION_BEYOND_S
         earliest = min(now + least_s, latest)
-        return TimeLeft(max(self.at(share), (now + self.at()) / 2.0, earliest))
+        return TimeLeft(max(self.at(share), (now + self.at() - later_s) / 2.0, earliest))
 
     @contextmanager
     def stated_whole(self) -> Iterator[None]:

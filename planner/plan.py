@@ -169,12 +169,12 @@ class InspectionPlan(PlanTables):
         means = self.request.means
         return {target.name: target.measured_with(means) for target in self.request.targets}
 
-    @property
+    @cached_property
     def entities(self) -> dict[str, np.ndarray]:
         """Two points of every target, far apart: the ends of an edge; (2, 3) mm, in the part's frame."""
         return {name: target.ends for name, target in self.targets.items()}
 
-    @property
+    @cached_property
     def dimensions(self) -> dict[str, PlannedDimension]:
         """The dimensions among the targets, by name. The others are lengths of edges."""
         from planner.request.targets import PlannedDimension

@@ -209,16 +209,24 @@ def _near(
     return places, carriers & set(places)
 
 
+# boxes that are compared with all points together
+_AT_A_TIME = 16
+
+
 def _first_free(tries: _Array, room: _Array, taken: _Array, marks: _Array) -> _Array | None:
     """Return the first place (k, 2) for a box that overlaps no other box (m, 4) and covers no point (p, 2)."""
     reach = tries.min(axis=0) - room / 2, tries.max(axis=0) + room / 2
     marks = marks[np.all((marks > reach[0]) & (marks < reach[1]), axis=1)]
     gaps = np.abs(tries[:, None] - taken[:, :2]) - (room + taken[:, 2:]) / 2
     free = np.flatnonzero(np.all((gaps > 0).any(axis=2), axis=1))
-    for k in free:
-        covered = np.abs(marks - tries[k]) < room / 2
-        if not np.all(covered, axis=1).any():
-            return np.asarray(tries[k])
+    for first in range(0, len(free), _AT_A_TIME):
+        batch = tries[free[first : first + _AT_A_TIME]]
+        # one coordinate after the other: a last axis of two is slow
+        covers = np.abs(marks[:, 0] - batch[:, :1]) < room[0] / 2
+        covers &= np.abs(marks[:, 1] - batch[:, 1:]) < room[1] / 2
+        clear = np.flatnonzero(~covers.any(axis=1))
+        if len(clear):
+            return np.asarray(batch[clear[0]])
     return None
 
 

@@ -47,6 +47,7 @@ from planner.callbacks import (
     LAMPS_SHARE,
     LEAST_SIMULATION_S,
     LIT_SEARCH_SHARE,
+    PAGE_S,
     SEARCH_SHARE,
     SIMULATION_SHARE,
     Deadline,
@@ -521,11 +522,16 @@ class FolderWork:
     not_planned: Mapping[str, str] = field(default_factory=dict)
     earlier: InspectionPlan | None = None
 
+    @property
+    def page_s(self) -> float:
+        """Seconds that the page takes."""
+        return PAGE_S * len(self.resolved.request.targets)
+
     def search(self, options: InspectionOptions) -> InspectionPlan:
         """Return the plan of the search."""
         request = self.resolved.request
         share = SEARCH_SHARE if request.lighting is None else LIT_SEARCH_SHARE
-        deadline = self.deadline.of_search(request.gap, share)
+        deadline = self.deadline.of_search(request.gap, share, later_s=self.page_s)
         return plan_request(
             self.solid,
             self.resolved,
@@ -598,7 +604,7 @@ class FolderWork:
             self.options.executor,
             self.deadline.at(LAMPS_SHARE),
         )
-        until = self.deadline.time_left(SIMULATION_SHARE, LEAST_SIMULATION_S)
+        until = self.deadline.time_left(SIMULATION_SHARE, LEAST_SIMULATION_S, later_s=self.page_s)
         simulation, notes = simulate_in_time(
             lit, self.simulate, request.seed, progress, self.solid, until
         )
@@ -609,7 +615,7 @@ class FolderWork:
         # what can be read only once has no digest
         digest = file_digest(Path(self.part)) if Path(self.part).is_file() else ""
         made = Made.now(request, digest, self.operator)
-        until = self.deadline.time_left(FORESEEN_SHARE)
+        until = self.deadline.time_left(FORESEEN_SHARE, later_s=self.page_s)
         plan, late = foreseen_in_time(plan, self.solid, until)
         return replace(plan, made=made, not_planned=self.not_planned), [*notes, *late]
 

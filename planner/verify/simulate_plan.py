@@ -18,6 +18,7 @@ from planner.camera.camera import Camera
 from planner.detectability.conditions import Detectability
 from planner.detectability.image_check import ImageCheck, Scanned
 from planner.exceptions import PlanFileError, RequestError
+from planner.executors import checked_by
 from planner.plan_file import Count, Draws, Fraction
 from planner.progress import Progress, TimeIsUpError, TimeLeft, report
 from planner.request.camera_limits import check_seed
@@ -458,7 +459,10 @@ def simulate_in_time(
     notes = [] if fitting == n else [_fewer_sentence(fitting, n)]
     try:
         time_left.check()
-        return replace(result, shown=count_shown(plan, solid, fitting, seed, shown)), notes
+        # a setting with many rims takes seconds
+        with checked_by(lambda: time_left.check):
+            images = count_shown(plan, solid, fitting, seed, shown)
+        return replace(result, shown=images), notes
     except TimeIsUpError:
         return result, [*notes, NOT_COUNTED]
 

@@ -13,6 +13,7 @@ import pytest
 from aspectgraph import read_solid
 from aspectgraph.phases import report_phase
 from planner import progress
+from planner.callbacks import Deadline
 from planner.progress import LOOPS, Pace, TimeIsUpError, TimeLeft, duration
 
 BLOCK = Path(__file__).parents[2] / "examples" / "two_pocket_block.off"
@@ -354,3 +355,18 @@ def test_who_has_limited_the_time_is_told_steadily_also_between_two_labels(monke
     assert sum(line.startswith("visible regions: 1/2 (") for line in lines) >= 2
     assert sum(line.startswith("after visible regions: 2/2 (") for line in lines) >= 2
     assert lines[-1] == "a first plan"
+
+
+def test_work_that_comes_later_keeps_its_time():
+    """Of 100 s, 90 have passed; the page takes 4 s. Without it, late work has half of the 10 s that are left."""
+    deadline = Deadline(100.0, begun=time.monotonic() - 90.0)
+    now = time.time()
+    assert deadline.time_left(0.8).until - now == pytest.approx(5.0, abs=0.5)
+    assert deadline.time_left(0.8, later_s=4.0).until - now == pytest.approx(3.0, abs=0.5)
+    # what is in time ends with its share
+    early = Deadline(100.0)
+    now = time.time()
+    assert early.time_left(0.8, later_s=4.0).until - now == pytest.approx(80.0, abs=0.5)
+    search = early.of_search(share=0.8, later_s=4.0)
+    assert search.at() - now == pytest.approx(76.0, abs=0.5)
+    assert early.of_search(share=0.8).at() - now == pytest.approx(80.0, abs=0.5)

@@ -7,6 +7,7 @@ import math
 import time
 from dataclasses import replace
 from importlib import import_module
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -97,6 +98,23 @@ def test_what_the_images_have_no_time_for_is_said(plan_in_time, block_in_time, m
         plan_in_time, 500, 3, None, block_in_time, TimeLeft(1.0, lambda: next(ticks))
     )
     assert found == simulate_plan(plan_in_time, 500, 3)
+    assert notes == [NOT_COUNTED]
+
+
+def test_images_of_one_setting_end_with_the_time(plan_in_time, block_in_time, monkeypatch):
+    """A setting with many rims takes seconds: the check of its images looks at the clock on the way."""
+    clock = SimpleNamespace(now=0.0)
+    true_count = in_time.count_shown
+
+    def late(*arguments):
+        clock.now = 2.0
+        return true_count(*arguments)
+
+    monkeypatch.setattr(in_time, "_fitting", lambda *_: 500)
+    monkeypatch.setattr(in_time, "count_shown", late)
+    time_left = TimeLeft(1.0, lambda: clock.now)
+    found, notes = simulate_in_time(plan_in_time, 500, 3, None, block_in_time, time_left)
+    assert found.shown is None
     assert notes == [NOT_COUNTED]
 
 
