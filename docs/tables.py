@@ -237,6 +237,23 @@ def _gaps() -> str:
     return table(heads, rows)
 
 
+def _gaps_of_standard() -> str:
+    """Return plans of the default effort without a time limit beside their bounds and the smallest cover."""
+    heads = ["request", "default effort, no limit", "bound", "ratio", "poses"]
+    heads += ["smallest cover", "as counted", "relaxation", "processor time", "the plan is"]
+    measured = {row["part"]: row for row in stored("gaps")["rows"] if row["effort"] == "standard"}
+    rows = []
+    for part, label in GAPS.items():
+        if part not in measured:
+            continue
+        row = measured[part]
+        cells = [label, *_beside_bound(row["plan"], row["targets"], row["bound"])]
+        cells += [f"{row['poses']:,}", row["optimum"], row["counted"], f"{row['relaxation']:.1f}"]
+        cells += [f"{row['plan_seconds']:.0f} s", gap_verdict(row, EARLIER.get(part))]
+        rows.append(cells)
+    return table(heads, rows)
+
+
 def _beside_bound(settings: object, edges: object, bound: object) -> list[str]:
     return [f"{settings} for {edges}", f"{bound}", f"{float(str(settings)) / int(str(bound)):.2f}"]
 
@@ -437,6 +454,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "drawing": _drawing,
     "edge-images": _edge_images,
     "gaps": _gaps,
+    "gaps_of_standard": _gaps_of_standard,
     "measured-example": _example,
     "model-dimensions": _model_dimensions,
     "model-zones": _model_zones,
