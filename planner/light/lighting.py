@@ -1181,11 +1181,15 @@ _PLACES = 256
 
 
 def _check_some_outside(lamps: LampBox | LampDome, solid: Solid) -> None:
-    """Refuse a box or a dome whose lamps would all be inside the part."""
+    """Refuse a box whose lamps would all be inside the part, and a dome within its bounding box."""
     places = lamps.places(_PLACES)
     low, high = solid.bounds
     if not len(places) or not ((places >= low) & (places <= high)).all():
         return
+    if isinstance(lamps, LampDome):
+        size = " x ".join(f"{length:.3g}" for length in high - low)
+        got = f"a radius of {lamps.radius_mm:g} mm at a part of {size} mm"
+        raise RequestError.of_rule("lamps", "must be a dome that reaches beyond the part", got)
     depth = -RayScene(solid.vertices, solid.triangles).signed_distance(places)
     if (depth > 0).all():
         corners = [", ".join(f"{x:g}" for x in corner) for corner in lamps.bounds]

@@ -170,7 +170,15 @@ BAD = {
     ),
     "dome inside": (
         ["--light", "dome:5,5,5,2,-2"],
-        "--light must have positions outside the part. Got the dome of lamps from (3, 3, 3) to (7, 7, 7) "
+        "--light must be a dome that reaches beyond the part. Got a radius of 2 mm at a part of 60 x 60 x 40 mm.",
+    ),
+    "dome in a pocket": (
+        ["--light", "dome:30,30,20,0.3"],
+        "--light must be a dome that reaches beyond the part. Got a radius of 0.3 mm at a part of",
+    ),
+    "box inside": (
+        ["--light", "box:3,3,3,7,7,7"],
+        "--light must have positions outside the part. Got the box of lamps from (3, 3, 3) to (7, 7, 7) "
         "mm, all inside it.",
     ),
     "lamp inside": (
