@@ -161,7 +161,7 @@ def plan_inspection(
         options.lighting.check_part(solid)
     resolved = resolve_request(solid, entities, camera, pose_uncertainty, options)
 
-    lighting = resolved.request.lighting
+    lighting = options.lighting
 
     def completed(plan: InspectionPlan) -> InspectionPlan:
         lit = with_light(plan, solid, lighting, options.progress, options.executor)
@@ -174,7 +174,7 @@ def plan_inspection(
         solid,
         resolved,
         options,
-        search,
+        deadline=search,
         completed=completed,
         lamps_until=deadline.at(LAMPS_SHARE),
     )

@@ -2,6 +2,7 @@
 
 import inspect
 from dataclasses import MISSING, fields
+from types import SimpleNamespace
 
 import pytest
 
@@ -48,8 +49,9 @@ def test_every_option_of_a_plan_reaches_it(monkeypatch):
     )
     monkeypatch.setattr("planner.inspection.foreseen_in_time", lambda plan, *_: (plan, []))
     # what is passed on is no part, no camera and no limit
-    for name in ("check_kinds", "Deadline"):
-        monkeypatch.setattr(f"planner.inspection.{name}", lambda *given, **named: None)
+    monkeypatch.setattr("planner.inspection.check_kinds", lambda **given: None)
+    never = SimpleNamespace(at=lambda share: None)
+    monkeypatch.setattr("planner.inspection.Deadline", lambda *given: never)
     monkeypatch.setattr("planner.options.check_kinds", lambda **given: None)
     monkeypatch.setattr("planner.options.RunOptions.__post_init__", lambda options: None)
     monkeypatch.setattr(planner.InspectionOptions, "lighting", None)

@@ -340,7 +340,8 @@ import os, signal, time
 from planner.app import plan_commands as commands
 from planner.app.main import termination_as_interruption
 with termination_as_interruption(), commands._executor(2) as executor:
-    workers = {executor.submit(os.getpid).result() for _ in range(8)}
+    executor.submit(os.getpid).result()
+    workers = set(executor._processes)
     try:
         os.killpg(0, signal.SIGTERM)
         time.sleep(60)
