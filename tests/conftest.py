@@ -30,6 +30,10 @@ if _cores:
 LONG_FILES = (
     "notebooks/robot_cell.ipynb",
     "notebooks/cluster.ipynb",
+    "notebooks/showing.ipynb",
+    "notebooks/measuring.ipynb",
+    "notebooks/comparisons.ipynb",
+    "notebooks/dimensions.ipynb",
     "tests/test_docs_run.py",
     "tests/aspectgraph/graph/test_invariance.py",
     "tests/planner/app/test_main.py",
