@@ -211,7 +211,9 @@ def quadratic_disc_probability(
         across, along = sides.T
         shorter = radius - (thin**2 + (across @ mean) ** 2) / (2.0 * radius)
         bend = np.einsum("a,aij->ij", along, h)
-        return quadratic_interval_probability(along @ g, bend, along @ extra @ along, shorter)
+        # rounding may leave a little less than nothing
+        variance = max(0.0, float(along @ extra @ along))
+        return quadratic_interval_probability(along @ g, bend, variance, shorter)
     n_angles = _ANGLES + int(min(4000.0, 8.0 * math.hypot(thin, wide) / thin))
     theta = math.pi * np.arange(n_angles) / n_angles
     directions = np.stack([np.cos(theta), np.sin(theta)], axis=1)

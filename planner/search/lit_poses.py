@@ -170,7 +170,8 @@ def with_lamps_in_time(
         The draft, without lamps, if there is no time for these.
     """
     lighting = lighting.on_part(run.problem.space.solid, draft.camera)
-    deadline = Deadline(max(until - time.time(), 1e-3), run.callbacks.deadline.gap)
+    limit_s = None if until == math.inf else max(until - time.time(), 1e-3)
+    deadline = Deadline(limit_s, run.callbacks.deadline.gap)
     deadline.arm()
     run.callbacks = replace(run.callbacks, deadline=deadline)
     lit = draft

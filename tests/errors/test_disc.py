@@ -128,6 +128,17 @@ def test_an_error_as_thin_as_a_line_takes_no_more_memory_than_others():
     assert peak < 50e6
 
 
+def test_noise_across_a_line_alone_is_no_negative_variance_along_it():
+    """The wide axis is at right angles to all noise, in any frame: rounding must not refuse it."""
+    for angle in np.linspace(0.01, 3.1, 200):
+        lean = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+        gradient = lean @ np.array([[0.5], [0.0]])
+        noise = lean @ np.diag([0.0, 1e-8]) @ lean.T
+        noise = (noise + noise.T) / 2.0
+        p = quadratic_disc_probability(gradient, np.zeros((2, 1, 1)), noise, 1.0)
+        assert p == pytest.approx(math.erf(2.0 / math.sqrt(2.0)), abs=1e-6)
+
+
 def test_an_error_far_smaller_than_its_disc_stays_in_it():
     gradient, hessian, noise = bent_error(0.5)
     for radius in (1e3, 1e6, 1e12):
