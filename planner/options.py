@@ -72,7 +72,8 @@ class InspectionOptions(RunOptions):
         End the planning after this many seconds with the best plan so far, which is then
         ``unfinished``. Visibility may take half of them. The plan omits a target whose visibility
         is not complete by then, with the reason. Planning does not end before the first plan, nor
-        during a run of the genetic algorithm in this process. Default: no limit.
+        during a run of the genetic algorithm in this process. With lamps, the search has 65 % of them,
+        and the choice of lamps ends at 90 %. Default: no limit.
     on_incumbent : callable, optional
         The program calls ``on_incumbent(plan)`` with the best plan so far, whenever the plan or its
         bound improves. The last call gets the plan that is returned. An exception it raises cancels
