@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence, Set
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
@@ -53,7 +53,7 @@ ROUND_SHARE = 1.5
 TILT_SHARE = 0.5
 """Tilts of a plane at its extent, in its deviation."""
 CHORD_MM = 0.0005
-"""Rims are cut into chords until these are at most so far from them."""
+"""Chords of rims and of round faces are halved until they are at most so far from them."""
 BLUR_PX = 0.7
 """Blur of lens and pixels, standard deviation."""
 NOISE_SHARE = 0.005
@@ -73,7 +73,6 @@ _LIFT_MM = 2e-3
 _RAYS = 400_000
 # of points on an entity
 _POINTS = 128
-_MIDDLE = np.full((1, 3), 1 / 3)
 # surfaces that are nearly alike move a vertex like one
 _ALIKE = 0.1
 # what surfaces miss of a common point is noise of doubles below this
@@ -218,13 +217,13 @@ class DeviatingPart:
             for carrier in carriers
         ]
         drawn = rng.standard_normal((len(carriers), PARAMETERS))
-        mesh, triangles, wall_of = _refined(model)
-        vertices = np.array(mesh.points)
+        mesh = _RoundMesh(model)
+        vertices = mesh.points
         carried = mesh.carried
         scales = np.reshape(sizes, (-1, PARAMETERS))
         self._deviations = surfaces_mm * scales * self._closed(vertices, carried, drawn, scales)
         moved = vertices + self._moves(vertices, carried)
-        self.scene: RayScene = _RoundScene(moved, triangles, mesh.walls, wall_of)
+        self.scene: RayScene = _RoundScene(moved, mesh.triangles, mesh.walls, mesh.wall_of)
 
     def value(self, name: str, target: Target) -> float:
         """Return the value of a target on the part as it is, mm (angles: degrees).
@@ -263,7 +262,7 @@ class DeviatingPart:
         nearest = int(np.argmin(np.linalg.norm(vertices - place, axis=1)))
         return _carried(self._model)[nearest]
 
-    def _moves(self, points: Array, carried: list[set[int]]) -> Array:
+    def _moves(self, points: Array, carried: Sequence[Set[int]]) -> Array:
         """Return how points (n, 3) move with the surfaces that they lie on: the least move that meets all of them."""
         moves = np.zeros((len(points), 3))
         for meeting in self._meetings(points, carried):
@@ -272,7 +271,7 @@ class DeviatingPart:
             moves[meeting.rows] = np.einsum("nij,nj->ni", inverse, off)
         return moves
 
-    def _meetings(self, points: Array, carried: list[set[int]]) -> Iterator[_Meeting]:
+    def _meetings(self, points: Array, carried: Sequence[Set[int]]) -> Iterator[_Meeting]:
         """Yield the points (n, 3) that lie on the same surfaces."""
         groups: dict[frozenset[int], list[int]] = {}
         for index, surfaces in enumerate(carried):
@@ -290,7 +289,9 @@ class DeviatingPart:
             offsets = np.stack([carrier.offsets(places) for carrier in carriers], axis=1)
             yield _Meeting(np.array(rows), np.array(numbers), normals, offsets)
 
-    def _closed(self, points: Array, carried: list[set[int]], drawn: Array, scales: Array) -> Array:
+    def _closed(
+        self, points: Array, carried: Sequence[Set[int]], drawn: Array, scales: Array
+    ) -> Array:
         """Return standard normal deviations (k, p) given that surfaces that meet in a point still do.
 
         Four planes of a corner have no common point once each of them deviates on its own. What no move of the points
@@ -335,81 +336,164 @@ def _carried(model: PartModel) -> list[set[int]]:
     return carried
 
 
-class _Refined:
-    """Vertices and what carries them while sides of triangles are cut."""
+class _RoundMesh:
+    """A part's triangles, halved until those of round faces are nowhere far from their cylinders and cones.
+
+    A side that two triangles share is halved in both, so that the mesh stays closed.
+
+    Attributes
+    ----------
+    points : array (n, 3)
+        Vertices, mm.
+    triangles : array of int (t, 3)
+        Their vertices.
+    wall_of : array of int (t,)
+        Number of the wall that each triangle lies on; -1 on flat faces.
+    walls : list of Carrier
+        Cylinders and cones.
+    """
 
     def __init__(self, model: PartModel) -> None:
-        self.points = list(model.solid.vertices)
-        self.carried = _carried(model)
-        self.between: dict[tuple[int, int], list[int]] = {}
+        self.points: Array = np.array(model.solid.vertices)
+        self.triangles: NDArray[np.int64] = np.array(model.solid.triangles, dtype=np.int64)
+        self._groups: list[frozenset[int]] = []
+        self._number_of: dict[frozenset[int], int] = {}
+        carried = _carried(model)
+        self._group_of: NDArray[np.int64] = np.array([self._group(frozenset(k)) for k in carried])
+        numbers: dict[int, int] = {}
         self.walls: list[Carrier] = []
+        self.wall_of: NDArray[np.int64] = np.full(len(self.triangles), -1)
+        for row, (a, b, c) in enumerate(self.triangles.tolist()):
+            wall = _round_carrier(model, carried[a] & carried[b] & carried[c])
+            if wall is None:
+                continue
+            self.wall_of[row] = numbers.setdefault(id(wall), len(numbers))
+            if len(numbers) > len(self.walls):
+                self.walls.append(wall)
+        self._circles: list[Circle] = []
+        # sides (k, 2) that are chords of circles, and of which
+        self._chords: NDArray[np.int64] = np.empty((0, 2), dtype=np.int64)
+        self._circle_of: NDArray[np.int64] = np.empty(0, dtype=np.int64)
+        for edge in model.edges.edges:
+            if isinstance(edge.geometry, Circle):
+                chords = [model.solid.edges[edge_id].vertices for edge_id in edge.edge_ids]
+                self._add_chords(np.array(chords), np.full(len(chords), len(self._circles)))
+                self._circles.append(edge.geometry)
+        while self._halve():
+            pass
 
-    def cut(self, first: int, last: int, new: Array, carriers: set[int]) -> None:
-        """Cut a side at new points (n, 3) that lie on carriers."""
-        start = len(self.points)
-        numbers = list(range(start, start + len(new)))
-        self.points += list(new)
-        self.carried += [carriers] * len(new)
-        self.between[first, last] = numbers
-        self.between[last, first] = numbers[::-1]
+    @property
+    def carried(self) -> list[frozenset[int]]:
+        """The surfaces that each vertex lies on."""
+        return [self._groups[k] for k in self._group_of.tolist()]
+
+    def _group(self, surfaces: frozenset[int]) -> int:
+        """Return the number of a set of surfaces."""
+        number = self._number_of.setdefault(surfaces, len(self._groups))
+        if number == len(self._groups):
+            self._groups.append(surfaces)
+        return number
+
+    def _add_chords(self, ends: NDArray[np.int64], circles: NDArray[np.int64]) -> None:
+        """Remember which circles (k,) sides (k, 2) are chords of."""
+        self._chords = np.vstack([self._chords, np.sort(ends, axis=1)])
+        self._circle_of = np.append(self._circle_of, circles)
+
+    def _halve(self) -> bool:
+        """Halve the sides that are too far from what they are chords of; return whether there was any."""
+        n_points = len(self.points)
+        ends = np.sort(self._sides(), axis=1)
+        keys, side_of = np.unique(ends[:, 0] * n_points + ends[:, 1], return_inverse=True)
+        sides = np.stack(np.divmod(keys, n_points), axis=1)
+        wall = np.full(len(sides), -1)
+        np.maximum.at(wall, side_of.ravel(), np.repeat(self.wall_of, 3))
+        circle = np.full(len(sides), -1)
+        chords = self._chords[:, 0] * n_points + self._chords[:, 1]
+        at = np.minimum(np.searchsorted(keys, chords), len(keys) - 1)
+        met = keys[at] == chords
+        circle[at[met]] = self._circle_of[met]
+        new = np.full((len(sides), 3), np.nan)
+        for number, rows in _rows_by(circle):
+            new[rows] = _half_arcs(self._circles[number], *self._ends(sides[rows]))
+        for number, rows in _rows_by(np.where(circle < 0, wall, -1)):
+            new[rows] = _half_ways(self.walls[number], *self._ends(sides[rows]))
+        is_cut = np.isfinite(new[:, 0])
+        if not is_cut.any():
+            return False
+        middles = np.full(len(sides), -1)
+        middles[is_cut] = n_points + np.arange(is_cut.sum())
+        self.points = np.vstack([self.points, new[is_cut]])
+        self._group_of = np.append(self._group_of, self._common(self._group_of[sides[is_cut]]))
+        on_circle = is_cut & (circle >= 0)
+        for end in sides[on_circle].T:
+            self._add_chords(np.stack([end, middles[on_circle]], axis=1), circle[on_circle])
+        self._split(middles[side_of.reshape(-1, 3)])
+        return True
+
+    def _common(self, groups: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the numbers (n,) of what two sets of surfaces (n, 2) have in common."""
+        n_groups = len(self._groups)
+        pairs, pair_of = np.unique(groups[:, 0] * n_groups + groups[:, 1], return_inverse=True)
+        common = [
+            self._group(self._groups[pair // n_groups] & self._groups[pair % n_groups])
+            for pair in pairs.tolist()
+        ]
+        return np.array(common)[pair_of.ravel()]
+
+    def _sides(self) -> NDArray[np.int64]:
+        """Return the ends (3 t, 2) of the sides of triangles, from each corner to the next."""
+        following = np.roll(self.triangles, -1, axis=1)
+        return np.stack([self.triangles, following], axis=2).reshape(-1, 2)
+
+    def _ends(self, sides: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Return both ends (n, 3) of sides (n, 2)."""
+        return self.points[sides[:, 0]], self.points[sides[:, 1]]
+
+    def _split(self, middles: NDArray[np.int64]) -> None:
+        """Split triangles at the middles (t, 3) of their sides from each corner to the next; -1 is for none."""
+        n_cut = (middles >= 0).sum(axis=1)
+        # turned so that a single cut is first, and a single side that stays is last
+        turn = np.where(n_cut == 1, np.argmax(middles >= 0, axis=1), 0)
+        turn = np.where(n_cut == 2, (np.argmax(middles < 0, axis=1) + 1) % 3, turn)
+        order = (turn[:, None] + np.arange(3)) % 3
+        a, b, c = np.take_along_axis(self.triangles, order, axis=1).T
+        ab, bc, ca = np.take_along_axis(middles, order, axis=1).T
+        whole = n_cut == 0
+        once = n_cut == 1
+        twice = n_cut == 2
+        thrice = n_cut == 3
+        to_bc = np.linalg.norm(self.points[a] - self.points[bc], axis=1)
+        by_a = twice & (to_bc <= np.linalg.norm(self.points[c] - self.points[ab], axis=1))
+        by_c = twice & ~by_a
+        pieces = [
+            (whole, a, b, c),
+            (once, a, ab, c),
+            (once, ab, b, c),
+            (twice, ab, b, bc),
+            (by_a, a, ab, bc),
+            (by_a, a, bc, c),
+            (by_c, a, ab, c),
+            (by_c, ab, bc, c),
+            (thrice, a, ab, ca),
+            (thrice, ab, b, bc),
+            (thrice, ca, bc, c),
+            (thrice, ab, bc, ca),
+        ]
+        self.triangles = np.concatenate(
+            [np.stack(corners, axis=1)[rows] for rows, *corners in pieces]
+        )
+        self.wall_of = np.concatenate([self.wall_of[rows] for rows, *_ in pieces])
 
 
-def _refined(model: PartModel) -> tuple[_Refined, NDArray[np.int64], NDArray[np.int64]]:
-    """Return a part whose round faces are cut into short chords: triangles (t, 3), and the number of each one's wall.
-
-    The number is -1 on flat faces.
-    """
-    mesh = _Refined(model)
-    points = mesh.points
-    carried = mesh.carried
-    for edge in model.edges.edges:
-        circle = edge.geometry
-        if not isinstance(circle, Circle):
-            continue
-        for edge_id in edge.edge_ids:
-            first, last = model.solid.edges[edge_id].vertices
-            new = _on_chord(circle, points[first], points[last])
-            mesh.cut(first, last, new, set(model.carried_by[edge.name]))
-    numbers: dict[int, int] = {}
-    wall_of: list[int] = []
-    for corners in model.solid.triangles.tolist():
-        common = carried[corners[0]] & carried[corners[1]] & carried[corners[2]]
-        wall = _round_carrier(model, common)
-        if wall is None:
-            wall_of.append(-1)
-            continue
-        wall_of.append(numbers.setdefault(id(wall), len(numbers)))
-        if len(numbers) > len(mesh.walls):
-            mesh.walls.append(wall)
-        for first, last in zip(corners, (*corners[1:], corners[0]), strict=True):
-            if (first, last) not in mesh.between:
-                # triangles of a wall would stand out of it between its rims
-                new = _on_wall(wall, points[first], points[last])
-                mesh.cut(first, last, new, carried[first] & carried[last])
-    triangles: list[tuple[int, int, int]] = []
-    walls_of_cut: list[int] = []
-    for corners, number in zip(model.solid.triangles.tolist(), wall_of, strict=True):
-        outline: list[int] = []
-        for first, last in zip(corners, (*corners[1:], corners[0]), strict=True):
-            outline += [first, *mesh.between.get((first, last), ())]
-        if len(outline) == len(corners):
-            triangles.append(tuple(corners))
-            walls_of_cut.append(number)
-            continue
-        # a fan about the middle, as more than one side may be cut
-        middle = len(points)
-        inside = np.array([points[k] for k in corners])
-        wall = mesh.walls[number] if number >= 0 else None
-        points.append(_between_corners(wall, inside, _MIDDLE)[0])
-        # it stays on the faces that all corners are on
-        carried.append(carried[corners[0]] & carried[corners[1]] & carried[corners[2]])
-        ends = (*outline[1:], outline[0])
-        triangles += [(middle, a, b) for a, b in zip(outline, ends, strict=True)]
-        walls_of_cut += [number] * len(outline)
-    return mesh, np.array(triangles, dtype=np.int64), np.array(walls_of_cut, dtype=np.int64)
+def _rows_by(numbers: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """Yield each number of an array (n,) that is not negative, with the rows that have it."""
+    order = np.argsort(numbers, kind="stable")
+    starts = np.flatnonzero(np.diff(numbers[order], prepend=-1))
+    for rows in np.split(order, starts)[1:]:
+        yield int(numbers[rows[0]]), rows
 
 
-def _round_carrier(model: PartModel, common: set[int]) -> Carrier | None:
+def _round_carrier(model: PartModel, common: Set[int]) -> Carrier | None:
     """Return the cylinder or cone that a triangle is on, given what carries all of its corners; None if it is flat."""
     round_one = None
     for k in sorted(common):
@@ -420,48 +504,40 @@ def _round_carrier(model: PartModel, common: set[int]) -> Carrier | None:
     return round_one
 
 
-def _on_wall(carrier: Carrier, first: Array, last: Array) -> Array:
-    """Return the points (n, 3) of a cylinder or cone that cut the way between two of its points into shorter ones."""
-    before, after = carrier.normals(np.array([first, last]))
-    cosine = np.clip((before @ after - carrier.lean**2) / (1.0 - carrier.lean**2), -1.0, 1.0)
-    sagitta = carrier.radius_mm * (1 - np.sqrt((1 + cosine) / 2))
-    pieces = max(1, int(np.ceil(np.sqrt(sagitta / CHORD_MM))))
-    share = np.arange(1, pieces)[:, None] / pieces
-    return _between_corners(carrier, np.array([first, last]), np.hstack([1 - share, share]))
+def _half_ways(carrier: Carrier, first: Array, last: Array) -> Array:
+    """Return the points (n, 3) of a cylinder or cone half way between two of its points (n, 3); NaN where near both.
 
-
-def _between_corners(carrier: Carrier | None, corners: Array, weights: Array) -> Array:
-    """Return points (n, 3) between corners (k, 3), with weights (n, k): on the surface that carries the corners.
-
-    The radius of a cylinder or a cone is linear in the place along its axis, as it is between the corners.
+    The radius of a cylinder or a cone is linear in the place along its axis, as it is between the ends.
     """
-    points = np.asarray(weights @ corners)
-    if carrier is None:
-        return points
-    off = corners - carrier.point
-    radius = np.linalg.norm(off - (off @ carrier.axis)[:, None] * carrier.axis, axis=1)
-    along = ((points - carrier.point) @ carrier.axis)[:, None] * carrier.axis
-    out = points - carrier.point - along
-    # a triangle's middle may be on the axis
-    out = out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
-    return carrier.point + along + (weights @ radius)[:, None] * out
+    before = first - carrier.point
+    after = last - carrier.point
+    heights = np.stack([before @ carrier.axis, after @ carrier.axis])[..., None]
+    before = before - heights[0] * carrier.axis
+    after = after - heights[1] * carrier.axis
+    lengths = np.stack([np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)])
+    radius = lengths.mean(axis=0)
+    out = (before + after) / 2
+    middle = np.linalg.norm(out, axis=1)
+    # ends on opposite sides of the axis have no middle
+    far = (radius - middle > CHORD_MM) & (middle > _MET * radius)
+    out = out * (radius / np.where(far, middle, 1.0))[:, None]
+    new = carrier.point + out + heights.mean(axis=0) * carrier.axis
+    return np.where(far[:, None], new, np.nan)
 
 
-def _on_chord(circle: Circle, first: Array, last: Array) -> Array:
-    """Return the points (n, 3) of a circle that cut one of its chords into shorter ones."""
-    x, y = circle.basis
-    ends = np.array([first, last]) - circle.centre
-    start, end = np.arctan2(ends @ y, ends @ x)
-    turn = (end - start + np.pi) % (2 * np.pi) - np.pi
-    sagitta = circle.radius_mm * (1 - np.cos(turn / 2))
-    pieces = max(1, int(np.ceil(np.sqrt(sagitta / CHORD_MM))))
-    angles = start + turn * np.arange(1, pieces) / pieces
+def _half_arcs(circle: Circle, first: Array, last: Array) -> Array:
+    """Return the points (n, 3) of a circle half way between ends (n, 3) of chords; NaN where a chord is near enough."""
+    out = (first + last) / 2 - circle.centre
     # a mesh's circle may stand a little off its axis, where its ends are
-    share = np.arange(1, pieces) / pieces
-    height = ends @ circle.axis
-    lift = height[0] + share * (height[1] - height[0])
-    flat = np.cos(angles)[:, None] * x + np.sin(angles)[:, None] * y
-    return np.asarray(circle.centre + circle.radius_mm * flat + lift[:, None] * circle.axis)
+    lift = out @ circle.axis
+    out = out - lift[:, None] * circle.axis
+    middle = np.linalg.norm(out, axis=1)
+    half = np.linalg.norm(last - first, axis=1) / 2
+    sagitta = circle.radius_mm - np.sqrt(np.maximum(circle.radius_mm**2 - half**2, 0.0))
+    far = (sagitta > CHORD_MM) & (middle > _MET * circle.radius_mm)
+    out = out * (circle.radius_mm / np.where(far, middle, 1.0))[:, None]
+    new = circle.centre + out + lift[:, None] * circle.axis
+    return np.where(far[:, None], new, np.nan)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from holed_plate import HOLES, N
+from holed_plate import HOLES
 from measured_plate import TOP, measured_plan, thick_plate
 from PIL import Image
 from plan_examples import changed, planned_dimension
@@ -26,7 +26,7 @@ from planner import (
 )
 from planner.exceptions import PlanFileError
 from planner.measuring.measurer import Measurer
-from planner.measuring.rehearsal import DeviatingPart, Truth
+from planner.measuring.rehearsal import CHORD_MM, DeviatingPart, Truth
 from planner.sensor_setting import Reason
 
 TARGETS = ("left", "right", "apart", "width")
@@ -187,16 +187,28 @@ def test_the_four_planes_of_a_corner_still_meet_there(seed):
 
 
 def test_walls_of_bores_do_not_stand_out_of_their_rims(plate, plan):
-    """Rays along the axis, inside of the rim by half of what a chord of the model is off, meet nothing."""
+    """Rays along the axis, inside of the rim by no more than chords may be off, meet nothing."""
     part = DeviatingPart(Measurer(plan, plate).model, 0.0, np.random.default_rng(0))
     angle = np.arange(0.0, 2 * np.pi, 0.01)
+    off = 1.01 * CHORD_MM
     for (x, y), radius in HOLES.values():
-        off = 0.5 * radius * (1 - np.cos(np.pi / N))
         way = np.stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))], axis=1)
         start = [x, y, 2 * TOP] + (radius - off) * way
         for one in start:
             hit = part.scene.cast(one, np.array([[0.0, 0.0, -1.0]]))
             assert np.isinf(hit["t_hit"]).all()
+
+
+def test_walls_of_bores_are_round_from_rim_to_rim(plate, plan):
+    """A wall that bulges between its rims would hide the lower one from a camera above."""
+    part = DeviatingPart(Measurer(plan, plate).model, 0.0, np.random.default_rng(0))
+    angle = np.linspace(0.0, 2 * np.pi, 500, endpoint=False)
+    ways = np.stack([np.cos(angle), np.sin(angle), np.zeros(500)], axis=1)
+    for (x, y), radius in HOLES.values():
+        for height in np.linspace(0.02, 0.98, 25) * TOP:
+            hit = part.scene.cast(np.array([x, y, height]), ways)["t_hit"]
+            assert hit.max() < radius + 1e-6
+            assert hit.min() > radius - 1.01 * CHORD_MM
 
 
 def test_walls_of_bores_are_shaded_as_round(plate, plan):
