@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import binary_dilation, gaussian_filter, maximum_filter, minimum_filter
 
 from aspectgraph.entities.entity_rules import PARAMETERS, Carrier
@@ -70,6 +71,17 @@ _SAMPLES = 4
 _CHANGE = 0.01
 # how far rays to lamps start above a face
 _LIFT_MM = 2e-3
+# pixels from one to the next that a light with an area is first looked at
+_EVERY = 4
+# what light does not do on a smooth face from one pixel to the next, as a share of the light
+_BENT = 0.03
+# lights with an area take more rays each for so many pixels at a time
+_FINE = 20_000
+# an image of such light has so many more steps
+_STEPS_OF_AREA = 2
+# faces are the same whose normals and places are so near, mm
+_SAME_NORMAL = 1e-3
+_SAME_PLACE_MM = 0.02
 _RAYS = 400_000
 # of points on an entity
 _POINTS = 128
@@ -171,6 +183,20 @@ class _RoundScene(RayScene):
         self._walls = walls
         # also for rays that meet nothing
         self._wall_of = np.append(wall_of, -1)
+        corners = vertices[triangles]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+        place = (normals * corners[:, 0]).sum(axis=1, keepdims=True)
+        flat = np.rint(np.hstack([normals / _SAME_NORMAL, place / _SAME_PLACE_MM]))
+        flat[wall_of >= 0] = 0.0
+        flat[wall_of >= 0, 0] = wall_of[wall_of >= 0]
+        keys = np.column_stack([wall_of >= 0, flat])
+        self._face_of = np.append(np.unique(keys, axis=0, return_inverse=True)[1].ravel(), -1)
+
+    def faces_met(self, eye: Array, rays: Array) -> NDArray[np.int64]:
+        """Return numbers (n,) of the faces that rays (n, 3) from an eye meet; -1 for none."""
+        numbers = RayScene.cast(self, eye, rays)["primitive_ids"]
+        return self._face_of[np.minimum(numbers, len(self._face_of) - 1)]
 
     def cast(self, origins: ArrayLike, directions: np.ndarray) -> dict[str, np.ndarray]:
         """Return what each ray hits first, see `RayScene.cast`; normals of round faces are those of the model."""
@@ -223,7 +249,7 @@ class DeviatingPart:
         scales = np.reshape(sizes, (-1, PARAMETERS))
         self._deviations = surfaces_mm * scales * self._closed(vertices, carried, drawn, scales)
         moved = vertices + self._moves(vertices, carried)
-        self.scene: RayScene = _RoundScene(moved, mesh.triangles, mesh.walls, mesh.wall_of)
+        self.scene = _RoundScene(moved, mesh.triangles, mesh.walls, mesh.wall_of)
 
     def value(self, name: str, target: Target) -> float:
         """Return the value of a target on the part as it is, mm (angles: degrees).
@@ -562,16 +588,16 @@ class _Renderer:
         Where lamps are of strength 1, mm.
     """
 
-    def __init__(self, scene: RayScene, camera: Camera, middle: Array) -> None:
+    def __init__(self, scene: _RoundScene, camera: Camera, middle: Array) -> None:
         self._scene = scene
         self._camera = camera
         self._middle = middle
 
-    @property
-    def steps(self) -> int:
-        """How many steps an image takes; those with many rays come first."""
+    def steps(self, light: _Light) -> int:
+        """Return how many steps an image takes; those with many rays come first."""
         width, height = self._camera.resolution
-        return -(-width * height // _RAYS) + _SAMPLES**2
+        of_area = 0 if light.area is None else _STEPS_OF_AREA
+        return -(-width * height // _RAYS) + _SAMPLES**2 + of_area
 
     def image(
         self,
@@ -581,34 +607,113 @@ class _Renderer:
         on_step: Callable[[], None] = lambda: None,
     ) -> Array:
         """Return the light at each pixel (h, w), several rays for each where it changes, and tell of each step."""
+        if light.area is None:
+            grey = self._each(pose, light, on_step)
+            change = maximum_filter(grey, 3) - minimum_filter(grey, 3) > _CHANGE
+            again = np.flatnonzero(binary_dilation(change, iterations=2))
+            total = np.zeros(len(again))
+            for places in self._within(again, rng):
+                total += self._at(places, pose, light)
+                on_step()
+            grey.flat[again] = total / _SAMPLES**2
+        else:
+            grey, face = self._smooth(pose, light, on_step)
+            # light that rises evenly over a pixel is as in its middle
+            again = np.flatnonzero((_bends(grey) > _BENT) | _differs(face, 1))
+            places = np.stack(list(self._within(again, rng)), axis=1)
+            for block in np.array_split(np.arange(len(again)), _SAMPLES**2):
+                grey.flat[again[block]] = self._by_faces(places[block], pose, light)
+                on_step()
+        return np.asarray(gaussian_filter(grey, BLUR_PX, mode="nearest"))
+
+    def _within(self, numbers: NDArray[np.int64], rng: np.random.Generator) -> Iterator[Array]:
+        """Yield places (n, 2) in pixels (n,), one for each part of a pixel."""
+        pixels = self._pixels()[numbers]
+        cells = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
+        for step in np.stack(np.meshgrid(cells, cells), axis=-1).reshape(-1, 2):
+            jitter = rng.uniform(-0.5, 0.5, pixels.shape) / _SAMPLES
+            yield pixels + step + jitter
+
+    def _by_faces(self, places: Array, pose: Array, light: _Light) -> Array:
+        """Return the means (n,) of the light at places (n, k, 2): of each face that is met, two of them count."""
+        n, k, _ = places.shape
+        eye = pose[:3, 3]
+        flat = places.reshape(-1, 2)
+        faces = self._scene.faces_met(eye, self._rays(flat, pose)).reshape(n, k)
+        order = np.argsort(faces, axis=1, kind="stable")
+        ordered = np.take_along_axis(faces, order, axis=1)
+        starts = np.ones((n, k), dtype=bool)
+        starts[:, 1:] = ordered[:, 1:] != ordered[:, :-1]
+        first = np.flatnonzero(starts)
+        counts = np.diff(np.append(first, n * k))
+        numbers = (np.arange(n)[:, None] * k + order).ravel()
+        both = np.concatenate([numbers[first], numbers[first + counts - 1]])
+        values = self._at(flat[both], pose, light, _FINE)
+        weights = np.tile(counts / (2 * k), 2)
+        means: Array = np.zeros(n)
+        np.add.at(means, both // k, weights * values)
+        return means
+
+    def _pixels(self) -> Array:
+        """Return all pixels (h * w, 2)."""
         width, height = self._camera.resolution
         v, u = np.mgrid[:height, :width]
-        pixels = np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float64)
+        return np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float64)
+
+    def _each(self, pose: Array, light: _Light, on_step: Callable[[], None]) -> Array:
+        """Return the light (h, w) in the middle of each pixel."""
+        pixels = self._pixels()
         light_at = np.empty(len(pixels))
         for start in range(0, len(pixels), _RAYS):
             part = slice(start, start + _RAYS)
             light_at[part] = self._at(pixels[part], pose, light)
             on_step()
-        grey = light_at.reshape(height, width)
-        change = maximum_filter(grey, 3) - minimum_filter(grey, 3) > _CHANGE
-        again = np.flatnonzero(binary_dilation(change, iterations=2))
-        cells = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
-        total = np.zeros(len(again))
-        for step in np.stack(np.meshgrid(cells, cells), axis=-1).reshape(-1, 2):
-            jitter = rng.uniform(-0.5, 0.5, (len(again), 2)) / _SAMPLES
-            total += self._at(pixels[again] + step + jitter, pose, light)
-            on_step()
-        grey.flat[again] = total / _SAMPLES**2
-        return np.asarray(gaussian_filter(grey, BLUR_PX, mode="nearest"))
+        return light_at.reshape(self._camera.resolution[::-1])
 
-    def _at(self, pixels: Array, pose: Array, light: _Light) -> Array:
-        starts = range(0, len(pixels), _RAYS)
-        parts = [self._shaded(pixels[start : start + _RAYS], pose, light) for start in starts]
+    def _smooth(
+        self, pose: Array, light: _Light, on_step: Callable[[], None]
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """Return the light in the middle of pixels (h, w), and the number of the face there.
+
+        A light with an area takes many rays for each pixel, and makes no sharp shadows. So pixels are between few
+        others that are on the same face, where light rises evenly from one to the next.
+        """
+        width, height = self._camera.resolution
+        rows = _spread(height)
+        columns = _spread(width)
+        few = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
+        coarse = self._at(few, pose, light, _FINE).reshape(len(rows), len(columns))
+        on_step()
+        between = RegularGridInterpolator((rows, columns), coarse)
+        pixels = self._pixels()
+        faces = np.empty(len(pixels), dtype=np.int64)
+        grey = np.empty(len(pixels))
+        for start in range(0, len(pixels), _RAYS):
+            part = slice(start, start + _RAYS)
+            grey[part] = between(pixels[part, ::-1])
+            faces[part] = self._scene.faces_met(pose[:3, 3], self._rays(pixels[part], pose))
+            on_step()
+        face = faces.reshape(height, width)
+        bent = maximum_filter(_bends(coarse), 3) > _BENT
+        near = np.ix_(np.arange(height) // _EVERY, np.arange(width) // _EVERY)
+        # a face may end between a pixel and the next of the few, on either side
+        uneven = np.flatnonzero(_differs(face, _EVERY) | (bent[near] & (face >= 0)))
+        grey[uneven] = self._at(pixels[uneven], pose, light, _FINE)
+        on_step()
+        return grey.reshape(height, width), face
+
+    def _rays(self, pixels: Array, pose: Array) -> Array:
+        """Return the rays (n, 3) of pixels (n, 2)."""
+        tangents = tangents_of(self._camera, pixels)
+        return np.column_stack([tangents, np.ones(len(tangents))]) @ pose[:3, :3].T
+
+    def _at(self, pixels: Array, pose: Array, light: _Light, block: int = _RAYS) -> Array:
+        starts = range(0, len(pixels), block)
+        parts = [self._shaded(pixels[start : start + block], pose, light) for start in starts]
         return np.concatenate(parts) if parts else np.empty(0)
 
     def _shaded(self, pixels: Array, pose: Array, light: _Light) -> Array:
-        tangents = tangents_of(self._camera, pixels)
-        rays = np.column_stack([tangents, np.ones(len(tangents))]) @ pose[:3, :3].T
+        rays = self._rays(pixels, pose)
         eye = pose[:3, 3]
         if light.area is not None:
             return SHADOW_SHARE + light.area.held(pose).brightness(self._scene, eye, rays)
@@ -627,6 +732,29 @@ class _Renderer:
             strength = (np.linalg.norm(lamp - self._middle) / distance) ** 2 / len(light.lamps)
             shade[met] += np.where(self._scene.blocked(places, way), 0.0, cosine * strength)
         return shade
+
+
+def _spread(n_pixels: int) -> NDArray[np.int64]:
+    """Return every few pixels of a row, and the last."""
+    return np.unique(np.append(np.arange(0, n_pixels, _EVERY), n_pixels - 1))
+
+
+def _differs(face: NDArray[np.int64], reach_px: int) -> NDArray[np.bool_]:
+    """Return which pixels (h, w) are so near to one of another face."""
+    size = 2 * reach_px + 1
+    return np.asarray(maximum_filter(face, size) != minimum_filter(face, size))
+
+
+def _bends(grey: Array) -> Array:
+    """Return how far each value of an image (h, w) is off an even rise, in any direction: twice its distance."""
+    padded = np.pad(grey, 1, mode="reflect", reflect_type="odd")
+    height, width = grey.shape
+    bends = np.zeros_like(grey)
+    for v, u in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        ahead = padded[1 + v : 1 + v + height, 1 + u : 1 + u + width]
+        behind = padded[1 - v : 1 - v + height, 1 - u : 1 - u + width]
+        bends = np.maximum(bends, np.abs(ahead + behind - 2 * grey))
+    return bends
 
 
 class Rehearsal:
@@ -731,7 +859,8 @@ class Rehearsal:
         Rendered
             Image, what it is of, and its pose.
         """
-        every = self._renderer.steps * len(self._shots)
+        lights = [self._light(shot, self.truth.poses[shot.name]) for shot in self._shots]
+        every = sum(self._renderer.steps(light) for light in lights)
         steps = itertools.count()
         label = f"rendering {count(len(self._shots), 'image')}, percent"
 
@@ -740,17 +869,12 @@ class Rehearsal:
             report(progress, 100 * next(steps) // every, 100, label)
 
         tell()
-        for shot in self._shots:
+        for shot, light in zip(self._shots, lights, strict=True):
             pose = self.truth.poses[shot.name]
-            grey = self._renderer.image(
-                pose,
-                self._light(shot, pose),
-                self._rng,
-                tell,
-            )
+            grey = self._renderer.image(pose, light, self._rng, tell)
             # as a person sets the exposure: by the brightest place beside what is measured
-            light = grey / max(self._bright(shot, grey, pose), 1e-9)
-            yield Rendered(shot, self._levels(white_share(light) * light), pose)
+            grey /= max(self._bright(shot, grey, pose), 1e-9)
+            yield Rendered(shot, self._levels(white_share(grey) * grey), pose)
 
     def _levels(self, light: Array) -> NDArray[np.uint8 | np.uint16]:
         """Return grey values as the camera states them: of its response, up to its white."""
