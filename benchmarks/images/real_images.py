@@ -486,6 +486,8 @@ def options_of(condition: Condition) -> MeasureOptions:
     kind, size = condition.broken
     if "edges" in stated:
         options["edge_break_mm"] = (0.0, 0.02) if kind == "sharp" else (0.5 * size, 1.5 * size)
+    if "sharp" in stated:
+        options["edge_break_mm"] = (0.0, 0.0)
     if "response" in stated and condition.response != "video":
         options["response"] = condition.response
     if "white" in stated:
@@ -562,7 +564,7 @@ def parsed() -> argparse.Namespace:
         "--states",
         nargs="+",
         default=["nothing"],
-        help="such as edges+response+white; unseen: nothing, and u with breaks that images do not show",
+        help="such as edges+response+white, or sharp; unseen: nothing, and u with breaks that images do not show",
     )
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2])
     parser.add_argument("--samples", type=int, default=32, help="a pixel, near edges")

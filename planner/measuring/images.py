@@ -22,7 +22,7 @@ from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.response import LINEAR, Response, stated_in_file
 from planner.exceptions import RequestError
-from planner.measuring.samples import CLIPPED_SHARE, Scans, find_edges, noise_of
+from planner.measuring.samples import CLIPPED_SHARE, MOST_BY_SLOPES_PX, Scans, find_edges, noise_of
 from planner.sensor_setting import setting_name
 
 if TYPE_CHECKING:
@@ -353,6 +353,7 @@ class Picture:
         across: NDArray[np.float64],
         half_px: float,
         sign: NDArray[np.int64] | None = None,
+        most_by_slopes_px: float = MOST_BY_SLOPES_PX,
     ) -> Scans:
         """Scan across edges, see `planner.measuring.samples.find_edges`."""
         return find_edges(
@@ -364,6 +365,7 @@ class Picture:
             noise=self.noise,
             sign=sign,
             clipped=self.clipped_from,
+            most_by_slopes_px=most_by_slopes_px,
         )
 
 

@@ -44,6 +44,8 @@ from planner.measuring.register import signs_of
 from planner.measuring.registered import Faces, NumberOrNull, Registered, displaced
 from planner.measuring.samples import (
     ALONG_VARIANCE,
+    MOST_BY_SLOPES_PX,
+    MOST_IF_SHARP_PX,
     PART_WORDS,
     POSE,
     STATE_TEXTS,
@@ -126,6 +128,9 @@ class EntityScan:
         Where the steps of found points are if the entity is broken; None if it was not asked.
     moved : bool
         Whether no edge is where the model has one, though the light would show it.
+    slopes_px : float
+        What is not known of how far slopes of light move the entity, px; 0 unless its edges are stated as sharp, as
+        breaks count for more.
     """
 
     edge: PartEdge
@@ -138,6 +143,14 @@ class EntityScan:
     spacing_px: float
     breaks: Breaks | None = None
     moved: bool = False
+    slopes_px: float = 0.0
+
+    def common_px(self, floor_px: float) -> float:
+        """Return what all points of the entity may be off in one direction, given the floor of this, px."""
+        state = self.points["state"]
+        residual = self.points["residual_px"][state == State.FOUND]
+        uneven = uneven_px(residual[np.isfinite(residual)], self.spacing_px)
+        return math.hypot(floor_px, uneven, self.slopes_px)
 
     @property
     def n_found(self) -> int:
@@ -224,8 +237,7 @@ def scan_entity(
         breaks = _lit(breaks, samples, model, picture, registered, (centres, across))
     # steps of stated breaks are searched where they are expected, and carried back to the edge of the model
     seen = centres + breaks.expected[:, None] * across
-    stretch = stretches_of(edge, samples.share)
-    scans = _searched(picture, seen, across, samples, breaks.half_px(half_px), stretch)
+    scans = _searched(picture, edge, (seen, across), samples, half_px, breaks)
     _expect(scans, edge, breaks, edge_state, (centres, across))
     scans.state[:] = _without_shadows(
         model, edge, samples, picture, registered, (seen, across), scans, breaks.band_px
@@ -260,6 +272,7 @@ def scan_entity(
         spacing_of(centres),
         breaks.of(is_found),
         moved,
+        float(scans.slopes_px[is_found].mean()) if is_found.any() else 0.0,
     )
 
 
@@ -358,28 +371,34 @@ def _word(edge: PartEdge) -> str:
 
 def _searched(
     picture: Picture,
-    centres: Array,
-    across: Array,
+    edge: PartEdge,
+    where: tuple[Array, Array],
     samples: Samples,
     half_px: float,
-    stretch: NDArray[np.int64],
+    breaks: Breaks,
 ) -> Scans:
-    """Scan twice: the sign of the step is that of most of the stretch (m,) that a sample is in.
+    """Scan twice, at places and across: the sign of the step is that of most of the stretch that a sample is in.
 
-    Around a bore, a lit wall is brighter than the face around it here, and darker there.
+    Around a bore, a lit wall is brighter than the face around it here, and darker there. Slopes of light leave nothing
+    unknown of edges that may be broken, as breaks count for more.
     """
     usable = samples.usable
     state = np.where(samples.visible, int(State.NEAR_LINE), int(State.HIDDEN))
-    offset, step, blur = np.zeros((3, len(state)))
+    offset, step, blur, slopes = np.zeros((4, len(state)))
     if usable.any():
-        places = centres[usable], across[usable]
-        sign = signs_of(picture, *places, half_px, stretch[usable])
-        scans = picture.find(*places, half_px, sign)
+        centres, across = (each[usable] for each in where)
+        reach_px = breaks.half_px(half_px)
+        stretch = stretches_of(edge, samples.share)[usable]
+        sign = signs_of(picture, centres, across, reach_px, stretch)
+        is_sharp = breaks.state.is_sharp
+        most_px = MOST_IF_SHARP_PX if is_sharp else MOST_BY_SLOPES_PX
+        scans = picture.find(centres, across, reach_px, sign, most_px)
         state[usable] = scans.state
         offset[usable] = scans.offset
         step[usable] = scans.step
         blur[usable] = scans.blur_px
-    return Scans(offset, state, step, blur)
+        slopes[usable] = scans.slopes_px if is_sharp else 0.0
+    return Scans(offset, state, step, blur, slopes)
 
 
 def _without_shadows(
@@ -748,7 +767,7 @@ def read_value(
         rms.append(float((residual**2).mean()))
         alike = max(1.0, CORRELATION_PX / scan.spacing_px)
         # such errors have one direction, so their mean over the entity is about as large as they are
-        common_px = math.hypot(floor_px, uneven_px(residual, scan.spacing_px))
+        common_px = scan.common_px(floor_px)
         noise.append((math.sqrt(variance * alike), common_px))
         random += variance * alike * float(slope @ fit.covariance @ slope)
         floor += common_px**2 * float(((slope @ fit.common) ** 2).sum())
@@ -1155,9 +1174,7 @@ def _localisation(
         assert scan.fit is not None
         alike = max(1.0, CORRELATION_PX / scan.spacing_px)
         random += _rms(scan) ** 2 * alike * float(slope @ scan.fit.covariance @ slope)
-        residual = scan.points["residual_px"][scan.points["state"] == 0]
-        common_px = math.hypot(floor_px, uneven_px(residual, scan.spacing_px))
-        floor += common_px**2 * float(((slope @ scan.fit.common) ** 2).sum())
+        floor += scan.common_px(floor_px) ** 2 * float(((slope @ scan.fit.common) ** 2).sum())
     return random, floor
 
 

@@ -11,13 +11,14 @@ from __future__ import annotations
 import itertools
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence, Set
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import binary_dilation, gaussian_filter, maximum_filter, minimum_filter
 
 from aspectgraph.entities.entity_rules import PARAMETERS, Carrier
@@ -53,7 +54,7 @@ ROUND_SHARE = 1.5
 TILT_SHARE = 0.5
 """Tilts of a plane at its extent, in its deviation."""
 CHORD_MM = 0.0005
-"""Rims are cut into chords until these are at most so far from them."""
+"""Chords of rims and of round faces are halved until they are at most so far from them."""
 BLUR_PX = 0.7
 """Blur of lens and pixels, standard deviation."""
 NOISE_SHARE = 0.005
@@ -70,10 +71,20 @@ _SAMPLES = 4
 _CHANGE = 0.01
 # how far rays to lamps start above a face
 _LIFT_MM = 2e-3
+# pixels from one to the next that a light with an area is first looked at
+_EVERY = 4
+# what light does not do on a smooth face from one pixel to the next, as a share of the light
+_BENT = 0.03
+# lights with an area take more rays each for so many pixels at a time
+_FINE = 20_000
+# an image of such light has so many more steps
+_STEPS_OF_AREA = 2
+# faces are the same whose normals and places are so near, mm
+_SAME_NORMAL = 1e-3
+_SAME_PLACE_MM = 0.02
 _RAYS = 400_000
 # of points on an entity
 _POINTS = 128
-_MIDDLE = np.full((1, 3), 1 / 3)
 # surfaces that are nearly alike move a vertex like one
 _ALIKE = 0.1
 # what surfaces miss of a common point is noise of doubles below this
@@ -172,6 +183,20 @@ class _RoundScene(RayScene):
         self._walls = walls
         # also for rays that meet nothing
         self._wall_of = np.append(wall_of, -1)
+        corners = vertices[triangles]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+        place = (normals * corners[:, 0]).sum(axis=1, keepdims=True)
+        flat = np.rint(np.hstack([normals / _SAME_NORMAL, place / _SAME_PLACE_MM]))
+        flat[wall_of >= 0] = 0.0
+        flat[wall_of >= 0, 0] = wall_of[wall_of >= 0]
+        keys = np.column_stack([wall_of >= 0, flat])
+        self._face_of = np.append(np.unique(keys, axis=0, return_inverse=True)[1].ravel(), -1)
+
+    def faces_met(self, eye: Array, rays: Array) -> NDArray[np.int64]:
+        """Return numbers (n,) of the faces that rays (n, 3) from an eye meet; -1 for none."""
+        numbers = RayScene.cast(self, eye, rays)["primitive_ids"]
+        return self._face_of[np.minimum(numbers, len(self._face_of) - 1)]
 
     def cast(self, origins: ArrayLike, directions: np.ndarray) -> dict[str, np.ndarray]:
         """Return what each ray hits first, see `RayScene.cast`; normals of round faces are those of the model."""
@@ -218,13 +243,13 @@ class DeviatingPart:
             for carrier in carriers
         ]
         drawn = rng.standard_normal((len(carriers), PARAMETERS))
-        mesh, triangles, wall_of = _refined(model)
-        vertices = np.array(mesh.points)
+        mesh = _RoundMesh(model)
+        vertices = mesh.points
         carried = mesh.carried
         scales = np.reshape(sizes, (-1, PARAMETERS))
         self._deviations = surfaces_mm * scales * self._closed(vertices, carried, drawn, scales)
         moved = vertices + self._moves(vertices, carried)
-        self.scene: RayScene = _RoundScene(moved, triangles, mesh.walls, wall_of)
+        self.scene = _RoundScene(moved, mesh.triangles, mesh.walls, mesh.wall_of)
 
     def value(self, name: str, target: Target) -> float:
         """Return the value of a target on the part as it is, mm (angles: degrees).
@@ -263,7 +288,7 @@ class DeviatingPart:
         nearest = int(np.argmin(np.linalg.norm(vertices - place, axis=1)))
         return _carried(self._model)[nearest]
 
-    def _moves(self, points: Array, carried: list[set[int]]) -> Array:
+    def _moves(self, points: Array, carried: Sequence[Set[int]]) -> Array:
         """Return how points (n, 3) move with the surfaces that they lie on: the least move that meets all of them."""
         moves = np.zeros((len(points), 3))
         for meeting in self._meetings(points, carried):
@@ -272,7 +297,7 @@ class DeviatingPart:
             moves[meeting.rows] = np.einsum("nij,nj->ni", inverse, off)
         return moves
 
-    def _meetings(self, points: Array, carried: list[set[int]]) -> Iterator[_Meeting]:
+    def _meetings(self, points: Array, carried: Sequence[Set[int]]) -> Iterator[_Meeting]:
         """Yield the points (n, 3) that lie on the same surfaces."""
         groups: dict[frozenset[int], list[int]] = {}
         for index, surfaces in enumerate(carried):
@@ -290,7 +315,9 @@ class DeviatingPart:
             offsets = np.stack([carrier.offsets(places) for carrier in carriers], axis=1)
             yield _Meeting(np.array(rows), np.array(numbers), normals, offsets)
 
-    def _closed(self, points: Array, carried: list[set[int]], drawn: Array, scales: Array) -> Array:
+    def _closed(
+        self, points: Array, carried: Sequence[Set[int]], drawn: Array, scales: Array
+    ) -> Array:
         """Return standard normal deviations (k, p) given that surfaces that meet in a point still do.
 
         Four planes of a corner have no common point once each of them deviates on its own. What no move of the points
@@ -335,81 +362,164 @@ def _carried(model: PartModel) -> list[set[int]]:
     return carried
 
 
-class _Refined:
-    """Vertices and what carries them while sides of triangles are cut."""
+class _RoundMesh:
+    """A part's triangles, halved until those of round faces are nowhere far from their cylinders and cones.
+
+    A side that two triangles share is halved in both, so that the mesh stays closed.
+
+    Attributes
+    ----------
+    points : array (n, 3)
+        Vertices, mm.
+    triangles : array of int (t, 3)
+        Their vertices.
+    wall_of : array of int (t,)
+        Number of the wall that each triangle lies on; -1 on flat faces.
+    walls : list of Carrier
+        Cylinders and cones.
+    """
 
     def __init__(self, model: PartModel) -> None:
-        self.points = list(model.solid.vertices)
-        self.carried = _carried(model)
-        self.between: dict[tuple[int, int], list[int]] = {}
+        self.points: Array = np.array(model.solid.vertices)
+        self.triangles: NDArray[np.int64] = np.array(model.solid.triangles, dtype=np.int64)
+        self._groups: list[frozenset[int]] = []
+        self._number_of: dict[frozenset[int], int] = {}
+        carried = _carried(model)
+        self._group_of: NDArray[np.int64] = np.array([self._group(frozenset(k)) for k in carried])
+        numbers: dict[int, int] = {}
         self.walls: list[Carrier] = []
+        self.wall_of: NDArray[np.int64] = np.full(len(self.triangles), -1)
+        for row, (a, b, c) in enumerate(self.triangles.tolist()):
+            wall = _round_carrier(model, carried[a] & carried[b] & carried[c])
+            if wall is None:
+                continue
+            self.wall_of[row] = numbers.setdefault(id(wall), len(numbers))
+            if len(numbers) > len(self.walls):
+                self.walls.append(wall)
+        self._circles: list[Circle] = []
+        # sides (k, 2) that are chords of circles, and of which
+        self._chords: NDArray[np.int64] = np.empty((0, 2), dtype=np.int64)
+        self._circle_of: NDArray[np.int64] = np.empty(0, dtype=np.int64)
+        for edge in model.edges.edges:
+            if isinstance(edge.geometry, Circle):
+                chords = [model.solid.edges[edge_id].vertices for edge_id in edge.edge_ids]
+                self._add_chords(np.array(chords), np.full(len(chords), len(self._circles)))
+                self._circles.append(edge.geometry)
+        while self._halve():
+            pass
 
-    def cut(self, first: int, last: int, new: Array, carriers: set[int]) -> None:
-        """Cut a side at new points (n, 3) that lie on carriers."""
-        start = len(self.points)
-        numbers = list(range(start, start + len(new)))
-        self.points += list(new)
-        self.carried += [carriers] * len(new)
-        self.between[first, last] = numbers
-        self.between[last, first] = numbers[::-1]
+    @property
+    def carried(self) -> list[frozenset[int]]:
+        """The surfaces that each vertex lies on."""
+        return [self._groups[k] for k in self._group_of.tolist()]
+
+    def _group(self, surfaces: frozenset[int]) -> int:
+        """Return the number of a set of surfaces."""
+        number = self._number_of.setdefault(surfaces, len(self._groups))
+        if number == len(self._groups):
+            self._groups.append(surfaces)
+        return number
+
+    def _add_chords(self, ends: NDArray[np.int64], circles: NDArray[np.int64]) -> None:
+        """Remember which circles (k,) sides (k, 2) are chords of."""
+        self._chords = np.vstack([self._chords, np.sort(ends, axis=1)])
+        self._circle_of = np.append(self._circle_of, circles)
+
+    def _halve(self) -> bool:
+        """Halve the sides that are too far from what they are chords of; return whether there was any."""
+        n_points = len(self.points)
+        ends = np.sort(self._sides(), axis=1)
+        keys, side_of = np.unique(ends[:, 0] * n_points + ends[:, 1], return_inverse=True)
+        sides = np.stack(np.divmod(keys, n_points), axis=1)
+        wall = np.full(len(sides), -1)
+        np.maximum.at(wall, side_of.ravel(), np.repeat(self.wall_of, 3))
+        circle = np.full(len(sides), -1)
+        chords = self._chords[:, 0] * n_points + self._chords[:, 1]
+        at = np.minimum(np.searchsorted(keys, chords), len(keys) - 1)
+        met = keys[at] == chords
+        circle[at[met]] = self._circle_of[met]
+        new = np.full((len(sides), 3), np.nan)
+        for number, rows in _rows_by(circle):
+            new[rows] = _half_arcs(self._circles[number], *self._ends(sides[rows]))
+        for number, rows in _rows_by(np.where(circle < 0, wall, -1)):
+            new[rows] = _half_ways(self.walls[number], *self._ends(sides[rows]))
+        is_cut = np.isfinite(new[:, 0])
+        if not is_cut.any():
+            return False
+        middles = np.full(len(sides), -1)
+        middles[is_cut] = n_points + np.arange(is_cut.sum())
+        self.points = np.vstack([self.points, new[is_cut]])
+        self._group_of = np.append(self._group_of, self._common(self._group_of[sides[is_cut]]))
+        on_circle = is_cut & (circle >= 0)
+        for end in sides[on_circle].T:
+            self._add_chords(np.stack([end, middles[on_circle]], axis=1), circle[on_circle])
+        self._split(middles[side_of.reshape(-1, 3)])
+        return True
+
+    def _common(self, groups: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the numbers (n,) of what two sets of surfaces (n, 2) have in common."""
+        n_groups = len(self._groups)
+        pairs, pair_of = np.unique(groups[:, 0] * n_groups + groups[:, 1], return_inverse=True)
+        common = [
+            self._group(self._groups[pair // n_groups] & self._groups[pair % n_groups])
+            for pair in pairs.tolist()
+        ]
+        return np.array(common)[pair_of.ravel()]
+
+    def _sides(self) -> NDArray[np.int64]:
+        """Return the ends (3 t, 2) of the sides of triangles, from each corner to the next."""
+        following = np.roll(self.triangles, -1, axis=1)
+        return np.stack([self.triangles, following], axis=2).reshape(-1, 2)
+
+    def _ends(self, sides: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Return both ends (n, 3) of sides (n, 2)."""
+        return self.points[sides[:, 0]], self.points[sides[:, 1]]
+
+    def _split(self, middles: NDArray[np.int64]) -> None:
+        """Split triangles at the middles (t, 3) of their sides from each corner to the next; -1 is for none."""
+        n_cut = (middles >= 0).sum(axis=1)
+        # turned so that a single cut is first, and a single side that stays is last
+        turn = np.where(n_cut == 1, np.argmax(middles >= 0, axis=1), 0)
+        turn = np.where(n_cut == 2, (np.argmax(middles < 0, axis=1) + 1) % 3, turn)
+        order = (turn[:, None] + np.arange(3)) % 3
+        a, b, c = np.take_along_axis(self.triangles, order, axis=1).T
+        ab, bc, ca = np.take_along_axis(middles, order, axis=1).T
+        whole = n_cut == 0
+        once = n_cut == 1
+        twice = n_cut == 2
+        thrice = n_cut == 3
+        to_bc = np.linalg.norm(self.points[a] - self.points[bc], axis=1)
+        by_a = twice & (to_bc <= np.linalg.norm(self.points[c] - self.points[ab], axis=1))
+        by_c = twice & ~by_a
+        pieces = [
+            (whole, a, b, c),
+            (once, a, ab, c),
+            (once, ab, b, c),
+            (twice, ab, b, bc),
+            (by_a, a, ab, bc),
+            (by_a, a, bc, c),
+            (by_c, a, ab, c),
+            (by_c, ab, bc, c),
+            (thrice, a, ab, ca),
+            (thrice, ab, b, bc),
+            (thrice, ca, bc, c),
+            (thrice, ab, bc, ca),
+        ]
+        self.triangles = np.concatenate(
+            [np.stack(corners, axis=1)[rows] for rows, *corners in pieces]
+        )
+        self.wall_of = np.concatenate([self.wall_of[rows] for rows, *_ in pieces])
 
 
-def _refined(model: PartModel) -> tuple[_Refined, NDArray[np.int64], NDArray[np.int64]]:
-    """Return a part whose round faces are cut into short chords: triangles (t, 3), and the number of each one's wall.
-
-    The number is -1 on flat faces.
-    """
-    mesh = _Refined(model)
-    points = mesh.points
-    carried = mesh.carried
-    for edge in model.edges.edges:
-        circle = edge.geometry
-        if not isinstance(circle, Circle):
-            continue
-        for edge_id in edge.edge_ids:
-            first, last = model.solid.edges[edge_id].vertices
-            new = _on_chord(circle, points[first], points[last])
-            mesh.cut(first, last, new, set(model.carried_by[edge.name]))
-    numbers: dict[int, int] = {}
-    wall_of: list[int] = []
-    for corners in model.solid.triangles.tolist():
-        common = carried[corners[0]] & carried[corners[1]] & carried[corners[2]]
-        wall = _round_carrier(model, common)
-        if wall is None:
-            wall_of.append(-1)
-            continue
-        wall_of.append(numbers.setdefault(id(wall), len(numbers)))
-        if len(numbers) > len(mesh.walls):
-            mesh.walls.append(wall)
-        for first, last in zip(corners, (*corners[1:], corners[0]), strict=True):
-            if (first, last) not in mesh.between:
-                # triangles of a wall would stand out of it between its rims
-                new = _on_wall(wall, points[first], points[last])
-                mesh.cut(first, last, new, carried[first] & carried[last])
-    triangles: list[tuple[int, int, int]] = []
-    walls_of_cut: list[int] = []
-    for corners, number in zip(model.solid.triangles.tolist(), wall_of, strict=True):
-        outline: list[int] = []
-        for first, last in zip(corners, (*corners[1:], corners[0]), strict=True):
-            outline += [first, *mesh.between.get((first, last), ())]
-        if len(outline) == len(corners):
-            triangles.append(tuple(corners))
-            walls_of_cut.append(number)
-            continue
-        # a fan about the middle, as more than one side may be cut
-        middle = len(points)
-        inside = np.array([points[k] for k in corners])
-        wall = mesh.walls[number] if number >= 0 else None
-        points.append(_between_corners(wall, inside, _MIDDLE)[0])
-        # it stays on the faces that all corners are on
-        carried.append(carried[corners[0]] & carried[corners[1]] & carried[corners[2]])
-        ends = (*outline[1:], outline[0])
-        triangles += [(middle, a, b) for a, b in zip(outline, ends, strict=True)]
-        walls_of_cut += [number] * len(outline)
-    return mesh, np.array(triangles, dtype=np.int64), np.array(walls_of_cut, dtype=np.int64)
+def _rows_by(numbers: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """Yield each number of an array (n,) that is not negative, with the rows that have it."""
+    order = np.argsort(numbers, kind="stable")
+    starts = np.flatnonzero(np.diff(numbers[order], prepend=-1))
+    for rows in np.split(order, starts)[1:]:
+        yield int(numbers[rows[0]]), rows
 
 
-def _round_carrier(model: PartModel, common: set[int]) -> Carrier | None:
+def _round_carrier(model: PartModel, common: Set[int]) -> Carrier | None:
     """Return the cylinder or cone that a triangle is on, given what carries all of its corners; None if it is flat."""
     round_one = None
     for k in sorted(common):
@@ -420,48 +530,40 @@ def _round_carrier(model: PartModel, common: set[int]) -> Carrier | None:
     return round_one
 
 
-def _on_wall(carrier: Carrier, first: Array, last: Array) -> Array:
-    """Return the points (n, 3) of a cylinder or cone that cut the way between two of its points into shorter ones."""
-    before, after = carrier.normals(np.array([first, last]))
-    cosine = np.clip((before @ after - carrier.lean**2) / (1.0 - carrier.lean**2), -1.0, 1.0)
-    sagitta = carrier.radius_mm * (1 - np.sqrt((1 + cosine) / 2))
-    pieces = max(1, int(np.ceil(np.sqrt(sagitta / CHORD_MM))))
-    share = np.arange(1, pieces)[:, None] / pieces
-    return _between_corners(carrier, np.array([first, last]), np.hstack([1 - share, share]))
+def _half_ways(carrier: Carrier, first: Array, last: Array) -> Array:
+    """Return the points (n, 3) of a cylinder or cone half way between two of its points (n, 3); NaN where near both.
 
-
-def _between_corners(carrier: Carrier | None, corners: Array, weights: Array) -> Array:
-    """Return points (n, 3) between corners (k, 3), with weights (n, k): on the surface that carries the corners.
-
-    The radius of a cylinder or a cone is linear in the place along its axis, as it is between the corners.
+    The radius of a cylinder or a cone is linear in the place along its axis, as it is between the ends.
     """
-    points = np.asarray(weights @ corners)
-    if carrier is None:
-        return points
-    off = corners - carrier.point
-    radius = np.linalg.norm(off - (off @ carrier.axis)[:, None] * carrier.axis, axis=1)
-    along = ((points - carrier.point) @ carrier.axis)[:, None] * carrier.axis
-    out = points - carrier.point - along
-    # a triangle's middle may be on the axis
-    out = out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
-    return carrier.point + along + (weights @ radius)[:, None] * out
+    before = first - carrier.point
+    after = last - carrier.point
+    heights = np.stack([before @ carrier.axis, after @ carrier.axis])[..., None]
+    before = before - heights[0] * carrier.axis
+    after = after - heights[1] * carrier.axis
+    lengths = np.stack([np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)])
+    radius = lengths.mean(axis=0)
+    out = (before + after) / 2
+    middle = np.linalg.norm(out, axis=1)
+    # ends on opposite sides of the axis have no middle
+    far = (radius - middle > CHORD_MM) & (middle > _MET * radius)
+    out = out * (radius / np.where(far, middle, 1.0))[:, None]
+    new = carrier.point + out + heights.mean(axis=0) * carrier.axis
+    return np.where(far[:, None], new, np.nan)
 
 
-def _on_chord(circle: Circle, first: Array, last: Array) -> Array:
-    """Return the points (n, 3) of a circle that cut one of its chords into shorter ones."""
-    x, y = circle.basis
-    ends = np.array([first, last]) - circle.centre
-    start, end = np.arctan2(ends @ y, ends @ x)
-    turn = (end - start + np.pi) % (2 * np.pi) - np.pi
-    sagitta = circle.radius_mm * (1 - np.cos(turn / 2))
-    pieces = max(1, int(np.ceil(np.sqrt(sagitta / CHORD_MM))))
-    angles = start + turn * np.arange(1, pieces) / pieces
+def _half_arcs(circle: Circle, first: Array, last: Array) -> Array:
+    """Return the points (n, 3) of a circle half way between ends (n, 3) of chords; NaN where a chord is near enough."""
+    out = (first + last) / 2 - circle.centre
     # a mesh's circle may stand a little off its axis, where its ends are
-    share = np.arange(1, pieces) / pieces
-    height = ends @ circle.axis
-    lift = height[0] + share * (height[1] - height[0])
-    flat = np.cos(angles)[:, None] * x + np.sin(angles)[:, None] * y
-    return np.asarray(circle.centre + circle.radius_mm * flat + lift[:, None] * circle.axis)
+    lift = out @ circle.axis
+    out = out - lift[:, None] * circle.axis
+    middle = np.linalg.norm(out, axis=1)
+    half = np.linalg.norm(last - first, axis=1) / 2
+    sagitta = circle.radius_mm - np.sqrt(np.maximum(circle.radius_mm**2 - half**2, 0.0))
+    far = (sagitta > CHORD_MM) & (middle > _MET * circle.radius_mm)
+    out = out * (circle.radius_mm / np.where(far, middle, 1.0))[:, None]
+    new = circle.centre + out + lift[:, None] * circle.axis
+    return np.where(far[:, None], new, np.nan)
 
 
 @dataclass(frozen=True)
@@ -486,16 +588,16 @@ class _Renderer:
         Where lamps are of strength 1, mm.
     """
 
-    def __init__(self, scene: RayScene, camera: Camera, middle: Array) -> None:
+    def __init__(self, scene: _RoundScene, camera: Camera, middle: Array) -> None:
         self._scene = scene
         self._camera = camera
         self._middle = middle
 
-    @property
-    def steps(self) -> int:
-        """How many steps an image takes; those with many rays come first."""
+    def steps(self, light: _Light) -> int:
+        """Return how many steps an image takes; those with many rays come first."""
         width, height = self._camera.resolution
-        return -(-width * height // _RAYS) + _SAMPLES**2
+        of_area = 0 if light.area is None else _STEPS_OF_AREA
+        return -(-width * height // _RAYS) + _SAMPLES**2 + of_area
 
     def image(
         self,
@@ -505,34 +607,113 @@ class _Renderer:
         on_step: Callable[[], None] = lambda: None,
     ) -> Array:
         """Return the light at each pixel (h, w), several rays for each where it changes, and tell of each step."""
+        if light.area is None:
+            grey = self._each(pose, light, on_step)
+            change = maximum_filter(grey, 3) - minimum_filter(grey, 3) > _CHANGE
+            again = np.flatnonzero(binary_dilation(change, iterations=2))
+            total = np.zeros(len(again))
+            for places in self._within(again, rng):
+                total += self._at(places, pose, light)
+                on_step()
+            grey.flat[again] = total / _SAMPLES**2
+        else:
+            grey, face = self._smooth(pose, light, on_step)
+            # light that rises evenly over a pixel is as in its middle
+            again = np.flatnonzero((_bends(grey) > _BENT) | _differs(face, 1))
+            places = np.stack(list(self._within(again, rng)), axis=1)
+            for block in np.array_split(np.arange(len(again)), _SAMPLES**2):
+                grey.flat[again[block]] = self._by_faces(places[block], pose, light)
+                on_step()
+        return np.asarray(gaussian_filter(grey, BLUR_PX, mode="nearest"))
+
+    def _within(self, numbers: NDArray[np.int64], rng: np.random.Generator) -> Iterator[Array]:
+        """Yield places (n, 2) in pixels (n,), one for each part of a pixel."""
+        pixels = self._pixels()[numbers]
+        cells = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
+        for step in np.stack(np.meshgrid(cells, cells), axis=-1).reshape(-1, 2):
+            jitter = rng.uniform(-0.5, 0.5, pixels.shape) / _SAMPLES
+            yield pixels + step + jitter
+
+    def _by_faces(self, places: Array, pose: Array, light: _Light) -> Array:
+        """Return the means (n,) of the light at places (n, k, 2): of each face that is met, two of them count."""
+        n, k, _ = places.shape
+        eye = pose[:3, 3]
+        flat = places.reshape(-1, 2)
+        faces = self._scene.faces_met(eye, self._rays(flat, pose)).reshape(n, k)
+        order = np.argsort(faces, axis=1, kind="stable")
+        ordered = np.take_along_axis(faces, order, axis=1)
+        starts = np.ones((n, k), dtype=bool)
+        starts[:, 1:] = ordered[:, 1:] != ordered[:, :-1]
+        first = np.flatnonzero(starts)
+        counts = np.diff(np.append(first, n * k))
+        numbers = (np.arange(n)[:, None] * k + order).ravel()
+        both = np.concatenate([numbers[first], numbers[first + counts - 1]])
+        values = self._at(flat[both], pose, light, _FINE)
+        weights = np.tile(counts / (2 * k), 2)
+        means: Array = np.zeros(n)
+        np.add.at(means, both // k, weights * values)
+        return means
+
+    def _pixels(self) -> Array:
+        """Return all pixels (h * w, 2)."""
         width, height = self._camera.resolution
         v, u = np.mgrid[:height, :width]
-        pixels = np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float64)
+        return np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float64)
+
+    def _each(self, pose: Array, light: _Light, on_step: Callable[[], None]) -> Array:
+        """Return the light (h, w) in the middle of each pixel."""
+        pixels = self._pixels()
         light_at = np.empty(len(pixels))
         for start in range(0, len(pixels), _RAYS):
             part = slice(start, start + _RAYS)
             light_at[part] = self._at(pixels[part], pose, light)
             on_step()
-        grey = light_at.reshape(height, width)
-        change = maximum_filter(grey, 3) - minimum_filter(grey, 3) > _CHANGE
-        again = np.flatnonzero(binary_dilation(change, iterations=2))
-        cells = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
-        total = np.zeros(len(again))
-        for step in np.stack(np.meshgrid(cells, cells), axis=-1).reshape(-1, 2):
-            jitter = rng.uniform(-0.5, 0.5, (len(again), 2)) / _SAMPLES
-            total += self._at(pixels[again] + step + jitter, pose, light)
-            on_step()
-        grey.flat[again] = total / _SAMPLES**2
-        return np.asarray(gaussian_filter(grey, BLUR_PX, mode="nearest"))
+        return light_at.reshape(self._camera.resolution[::-1])
 
-    def _at(self, pixels: Array, pose: Array, light: _Light) -> Array:
-        starts = range(0, len(pixels), _RAYS)
-        parts = [self._shaded(pixels[start : start + _RAYS], pose, light) for start in starts]
+    def _smooth(
+        self, pose: Array, light: _Light, on_step: Callable[[], None]
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """Return the light in the middle of pixels (h, w), and the number of the face there.
+
+        A light with an area takes many rays for each pixel, and makes no sharp shadows. So pixels are between few
+        others that are on the same face, where light rises evenly from one to the next.
+        """
+        width, height = self._camera.resolution
+        rows = _spread(height)
+        columns = _spread(width)
+        few = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
+        coarse = self._at(few, pose, light, _FINE).reshape(len(rows), len(columns))
+        on_step()
+        between = RegularGridInterpolator((rows, columns), coarse)
+        pixels = self._pixels()
+        faces = np.empty(len(pixels), dtype=np.int64)
+        grey = np.empty(len(pixels))
+        for start in range(0, len(pixels), _RAYS):
+            part = slice(start, start + _RAYS)
+            grey[part] = between(pixels[part, ::-1])
+            faces[part] = self._scene.faces_met(pose[:3, 3], self._rays(pixels[part], pose))
+            on_step()
+        face = faces.reshape(height, width)
+        bent = maximum_filter(_bends(coarse), 3) > _BENT
+        near = np.ix_(np.arange(height) // _EVERY, np.arange(width) // _EVERY)
+        # a face may end between a pixel and the next of the few, on either side
+        uneven = np.flatnonzero(_differs(face, _EVERY) | (bent[near] & (face >= 0)))
+        grey[uneven] = self._at(pixels[uneven], pose, light, _FINE)
+        on_step()
+        return grey.reshape(height, width), face
+
+    def _rays(self, pixels: Array, pose: Array) -> Array:
+        """Return the rays (n, 3) of pixels (n, 2)."""
+        tangents = tangents_of(self._camera, pixels)
+        return np.column_stack([tangents, np.ones(len(tangents))]) @ pose[:3, :3].T
+
+    def _at(self, pixels: Array, pose: Array, light: _Light, block: int = _RAYS) -> Array:
+        starts = range(0, len(pixels), block)
+        parts = [self._shaded(pixels[start : start + block], pose, light) for start in starts]
         return np.concatenate(parts) if parts else np.empty(0)
 
     def _shaded(self, pixels: Array, pose: Array, light: _Light) -> Array:
-        tangents = tangents_of(self._camera, pixels)
-        rays = np.column_stack([tangents, np.ones(len(tangents))]) @ pose[:3, :3].T
+        rays = self._rays(pixels, pose)
         eye = pose[:3, 3]
         if light.area is not None:
             return SHADOW_SHARE + light.area.held(pose).brightness(self._scene, eye, rays)
@@ -551,6 +732,29 @@ class _Renderer:
             strength = (np.linalg.norm(lamp - self._middle) / distance) ** 2 / len(light.lamps)
             shade[met] += np.where(self._scene.blocked(places, way), 0.0, cosine * strength)
         return shade
+
+
+def _spread(n_pixels: int) -> NDArray[np.int64]:
+    """Return every few pixels of a row, and the last."""
+    return np.unique(np.append(np.arange(0, n_pixels, _EVERY), n_pixels - 1))
+
+
+def _differs(face: NDArray[np.int64], reach_px: int) -> NDArray[np.bool_]:
+    """Return which pixels (h, w) are so near to one of another face."""
+    size = 2 * reach_px + 1
+    return np.asarray(maximum_filter(face, size) != minimum_filter(face, size))
+
+
+def _bends(grey: Array) -> Array:
+    """Return how far each value of an image (h, w) is off an even rise, in any direction: twice its distance."""
+    padded = np.pad(grey, 1, mode="reflect", reflect_type="odd")
+    height, width = grey.shape
+    bends = np.zeros_like(grey)
+    for v, u in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        ahead = padded[1 + v : 1 + v + height, 1 + u : 1 + u + width]
+        behind = padded[1 - v : 1 - v + height, 1 - u : 1 - u + width]
+        bends = np.maximum(bends, np.abs(ahead + behind - 2 * grey))
+    return bends
 
 
 class Rehearsal:
@@ -655,7 +859,8 @@ class Rehearsal:
         Rendered
             Image, what it is of, and its pose.
         """
-        every = self._renderer.steps * len(self._shots)
+        lights = [self._light(shot, self.truth.poses[shot.name]) for shot in self._shots]
+        every = sum(self._renderer.steps(light) for light in lights)
         steps = itertools.count()
         label = f"rendering {count(len(self._shots), 'image')}, percent"
 
@@ -664,17 +869,12 @@ class Rehearsal:
             report(progress, 100 * next(steps) // every, 100, label)
 
         tell()
-        for shot in self._shots:
+        for shot, light in zip(self._shots, lights, strict=True):
             pose = self.truth.poses[shot.name]
-            grey = self._renderer.image(
-                pose,
-                self._light(shot, pose),
-                self._rng,
-                tell,
-            )
+            grey = self._renderer.image(pose, light, self._rng, tell)
             # as a person sets the exposure: by the brightest place beside what is measured
-            light = grey / max(self._bright(shot, grey, pose), 1e-9)
-            yield Rendered(shot, self._levels(white_share(light) * light), pose)
+            grey /= max(self._bright(shot, grey, pose), 1e-9)
+            yield Rendered(shot, self._levels(white_share(grey) * grey), pose)
 
     def _levels(self, light: Array) -> NDArray[np.uint8 | np.uint16]:
         """Return grey values as the camera states them: of its response, up to its white."""

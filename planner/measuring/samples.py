@@ -58,8 +58,15 @@ _SAMPLING_VARIANCE = 1 / 6 + 1 / 12
 # places beside an edge between which light may rise or fall evenly, standard deviations of its blur, and px at least
 _BESIDE = np.array([3.0, 4.5, 6.0])
 _BESIDE_LEAST_PX = np.array([2.5, 3.75, 5.0])
-# px: what moves an edge by more is the other side of a broken edge, or a shadow, and no slope of light
-_MOST_BY_SLOPES_PX = 0.1
+MOST_BY_SLOPES_PX = 0.1
+"""What moves an edge by more is the other side of a broken edge, or a shadow, and no slope of light."""
+MOST_IF_SHARP_PX = 0.5
+"""The same if edges are stated as sharp: walls of bores under a dome move their rims by up to 0.3 px."""
+# slopes that move an edge by so much are certain
+_SURE_PX = 0.05
+# of what slopes are known to move an edge, this share is not known; and of the unknown, px count at most
+_UNSURE_SHARE = 0.5
+_MOST_DOUBT_PX = 0.2
 # steps below this share of their edge's count only where slopes are known to move them little
 _FADING_SHARE = 0.5
 # how far slopes are looked at: those of blurs up to 1.5 px
@@ -126,12 +133,15 @@ class Scans:
     blur_px : array (m,)
         Standard deviation of the image's blur across the edge, from the gradient's height, at most 5; 0 of an edge that
         is sharper than the pixels.
+    slopes_px : array (m,)
+        What is not known of how far slopes of light beside the edge move its steepest place, px.
     """
 
     offset: Array
     state: NDArray[np.int64]
     step: Array
     blur_px: Array
+    slopes_px: Array
 
 
 def noise_of(image: NDArray[Any]) -> float:
@@ -210,6 +220,7 @@ def find_edges(
     noise: float,
     sign: NDArray[np.int64] | None = None,
     clipped: float | None = None,
+    most_by_slopes_px: float = MOST_BY_SLOPES_PX,
 ) -> Scans:
     """Scan an image across edges.
 
@@ -229,6 +240,8 @@ def find_edges(
         Sign of the step that is searched along each scan; 0 is either.
     clipped : float, optional
         Grey value from which on a scan is clipped. Default: `CLIPPED_SHARE` of white.
+    most_by_slopes_px : float, optional
+        See `shift_by_slopes`.
 
     Returns
     -------
@@ -273,10 +286,12 @@ def find_edges(
     )
     middle = np.full(len(grey), -around[0])
     steps = np.where(found, step, 0.0)
-    by_slopes = shift_by_slopes(grey, middle, blur, steps, noise, centres)
+    by_slopes = shift_by_slopes(
+        grey, middle, blur, steps, noise, centres, most_px=most_by_slopes_px
+    )
     offset[found] -= by_slopes.px[found]
     state[found & _fades(steps, by_slopes.sure, centres)] = State.WEAK
-    return Scans(offset, state, step / white, blur)
+    return Scans(offset, state, step / white, blur, by_slopes.unsure_px)
 
 
 def _fades(step: Array, sure: NDArray[np.bool_], places: Array) -> NDArray[np.bool_]:
@@ -308,14 +323,24 @@ class BySlopes(NamedTuple):
         How far, as far as it is known, px.
     sure : array of bool (m,)
         Whether that is all: slopes are seen, and move the place by no more than 0.05 px.
+    unsure_px : array (m,)
+        Half of it, and what light next to the edge tells beyond it, at most 0.2 px.
     """
 
     px: Array
     sure: NDArray[np.bool_]
+    unsure_px: Array
 
 
 def shift_by_slopes(
-    grey: Array, at_px: Array, blur_px: Array, step: Array, noise: float, places: Array
+    grey: Array,
+    at_px: Array,
+    blur_px: Array,
+    step: Array,
+    noise: float,
+    places: Array,
+    *,
+    most_px: float = MOST_BY_SLOPES_PX,
 ) -> BySlopes:
     """Return how far the steepest place of scans is off their edge because light beside it rises or falls.
 
@@ -340,12 +365,14 @@ def shift_by_slopes(
         Standard deviation of the noise, in grey values.
     places : array (m, 2)
         Middles of the scans, px: those next to each other along an edge are looked at together.
+    most_px : float, optional
+        What moves an edge by more is no slope of light.
 
     Returns
     -------
     BySlopes
-        0 where the image does not reach far enough, and where it would be more than 0.1 px: the other side of a broken
-        edge does that. Less from half of this on.
+        0 where the image does not reach far enough, and where it would be more than ``most_px``: the other side of a
+        broken edge does that. Less from half of this on.
     """
     sigma = np.sqrt(blur_px**2 + _SAMPLING_VARIANCE)
     beside = np.maximum(_BESIDE * sigma[:, None], _BESIDE_LEAST_PX)
@@ -364,12 +391,14 @@ def shift_by_slopes(
     bends = np.where(even > 0, variance * bend, 0.0)
     moment = _mean_along(even * bends * step, places)
     shift = even * np.where(weight > 0, moment / np.where(weight > 0, weight, 1.0), 0.0)
-    whole = np.abs(
-        _mean_along(variance * bend * step, places)
-        / np.maximum(_mean_along(step**2, places), 1e-12)
-    )
-    sure = np.isfinite(whole) & (whole <= _MOST_BY_SLOPES_PX / 2)
-    return BySlopes(_share_below(np.abs(shift), _MOST_BY_SLOPES_PX) * shift, sure)
+    squares = np.maximum(_mean_along(step**2, places), 1e-12)
+    whole = np.abs(_mean_along(variance * bend * step, places) / squares)
+    sure = np.isfinite(whole) & (whole <= _SURE_PX)
+    px = _share_below(np.abs(shift), most_px) * shift
+    # where another step is farther out, the nearer half still tells of the edge
+    near = np.nan_to_num(_mean_along(np.nan_to_num(variance * nearer * step), places) / squares)
+    unsure = _UNSURE_SHARE * np.abs(px) + np.abs(near - px)
+    return BySlopes(px, sure, np.minimum(unsure, _MOST_DOUBT_PX))
 
 
 def _share_below(value: Array, limit: Array | float) -> Array:

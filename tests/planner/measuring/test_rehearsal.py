@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from holed_plate import HOLES, N
+from holed_plate import HOLES
 from measured_plate import TOP, measured_plan, thick_plate
 from PIL import Image
 from plan_examples import changed, planned_dimension
@@ -17,6 +17,7 @@ from ground.convert import from_plain
 from planner import (
     Camera,
     Dimension,
+    Lighting,
     PoseUncertainty,
     Registration,
     Rehearsal,
@@ -24,9 +25,11 @@ from planner import (
     measure,
     plan_inspection,
 )
+from planner.camera.camera import tangents_of
 from planner.exceptions import PlanFileError
+from planner.inspection import with_light
 from planner.measuring.measurer import Measurer
-from planner.measuring.rehearsal import DeviatingPart, Truth
+from planner.measuring.rehearsal import CHORD_MM, DeviatingPart, Truth
 from planner.sensor_setting import Reason
 
 TARGETS = ("left", "right", "apart", "width")
@@ -123,6 +126,44 @@ def test_progress_is_a_share_of_all_images(plate, plan):
     assert (shares[0], shares[-1]) == (0, 100)
 
 
+@pytest.fixture(scope="module")
+def under_dome(plate, plan):
+    """The plan of one setting under a dome, and what a rehearsal of it shows and tells."""
+    lit = with_light(changed(plan, settings=plan.settings[:1]), plate, Lighting("diffuse-dome"))
+    steps = []
+    rehearsal = Rehearsal(lit, plate, surfaces_mm=0.0, exact_poses=True)
+    (image,) = rehearsal.images(lambda *step: steps.append(step))
+    return lit, image, [step[0] for step in steps]
+
+
+def test_a_dome_is_drawn_from_few_pixels_as_from_all(plate, under_dome):
+    """Each of 1,500 pixels, from rays to it alone: in the middle, and in 16 parts where faces meet."""
+    plan, image, shares = under_dome
+    assert (shares[0], shares[-1]) == (0, 100)
+    assert shares == sorted(shares)
+    rng = np.random.default_rng(7)
+    width, height = plan.camera.resolution
+    pixels = np.column_stack([rng.integers(5, width - 5, 1500), rng.integers(5, height - 5, 1500)])
+    part = DeviatingPart(Measurer(plan, plate).model, 0.0, rng)
+    area = plan.light.area.held(image.pose)
+
+    def light_at(places):
+        rays = np.column_stack([tangents_of(plan.camera, places), np.ones(len(places))])
+        return area.brightness(part.scene, image.pose[:3, 3], rays @ image.pose[:3, :3].T)
+
+    expected = np.mean([light_at(pixels + step) for step in rng.uniform(-0.5, 0.5, (16, 2))], axis=0)
+    grey = image.grey[pixels[:, 1], pixels[:, 0]].astype(float)
+    on_part = expected > 0.1
+    # exposure and the share of shadows are one scale and one offset
+    scale = np.polyfit(expected, grey, 1)
+    off = (grey - np.polyval(scale, expected)) / scale[0]
+    assert on_part.sum() > 200
+    assert np.median(np.abs(off[on_part])) < 0.02
+    assert np.abs(off.mean()) < 0.005
+    # of what is beside an edge, blur moves some to the other side
+    assert (np.abs(off) < 0.06).mean() > 0.97
+
+
 def test_images_of_another_plan_are_noted(plate, plan, tmp_path):
     """Nothing may be where it should be then; the digest of the plan tells why."""
     Rehearsal(plan, plate, seed=1).write(tmp_path)
@@ -187,16 +228,28 @@ def test_the_four_planes_of_a_corner_still_meet_there(seed):
 
 
 def test_walls_of_bores_do_not_stand_out_of_their_rims(plate, plan):
-    """Rays along the axis, inside of the rim by half of what a chord of the model is off, meet nothing."""
+    """Rays along the axis, inside of the rim by no more than chords may be off, meet nothing."""
     part = DeviatingPart(Measurer(plan, plate).model, 0.0, np.random.default_rng(0))
     angle = np.arange(0.0, 2 * np.pi, 0.01)
+    off = 1.01 * CHORD_MM
     for (x, y), radius in HOLES.values():
-        off = 0.5 * radius * (1 - np.cos(np.pi / N))
         way = np.stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))], axis=1)
         start = [x, y, 2 * TOP] + (radius - off) * way
         for one in start:
             hit = part.scene.cast(one, np.array([[0.0, 0.0, -1.0]]))
             assert np.isinf(hit["t_hit"]).all()
+
+
+def test_walls_of_bores_are_round_from_rim_to_rim(plate, plan):
+    """A wall that bulges between its rims would hide the lower one from a camera above."""
+    part = DeviatingPart(Measurer(plan, plate).model, 0.0, np.random.default_rng(0))
+    angle = np.linspace(0.0, 2 * np.pi, 500, endpoint=False)
+    ways = np.stack([np.cos(angle), np.sin(angle), np.zeros(500)], axis=1)
+    for (x, y), radius in HOLES.values():
+        for height in np.linspace(0.02, 0.98, 25) * TOP:
+            hit = part.scene.cast(np.array([x, y, height]), ways)["t_hit"]
+            assert hit.max() < radius + 1e-6
+            assert hit.min() > radius - 1.01 * CHORD_MM
 
 
 def test_walls_of_bores_are_shaded_as_round(plate, plan):
