@@ -60,6 +60,8 @@ from planner.measuring.registered import Registered, as_given, prior_covariance
 from planner.measuring.registration import BOTH, NoFiducialsError, Registration, locate
 from planner.measuring.response import JudgedResponse, judge_response
 from planner.measuring.results import (
+    NOT_INSPECTED,
+    NOT_PLANNED,
     MeasurementResults,
     Result,
     Source,
@@ -874,7 +876,7 @@ class Measurer:
             reason = self.plan.uninspectable.get(name)
             if reason is not None:
                 # it is read all the same, from what images show of it
-                refused = f"the plan does not inspect it: {reason}"
+                refused = f"{NOT_INSPECTED}{reason}"
                 result = replace(result, notes=(*result.notes, refused))
             results[name] = result
         return results
@@ -1023,7 +1025,7 @@ class Measurer:
     def _not_planned(self, rule: DecisionRule) -> dict[str, Result]:
         """Return results of what the plan does not inspect: the reason is the plan's."""
         return {
-            name: merged(name, self.plan.targets[name], (), rule, f"not planned: {reason}")
+            name: merged(name, self.plan.targets[name], (), rule, f"{NOT_PLANNED}{reason}")
             for name, reason in self.plan.uninspectable.items()
         }
 

@@ -58,7 +58,7 @@ def given(folder, name="poses.json"):
 def test_a_good_part_conforms(folder, capsys):
     assert run(folder, "good", *given(folder), "--serial", "N0012") == 0
     out = capsys.readouterr().out
-    assert "1 of 1 target measured in 2 images" in out
+    assert "1 of 1 planned target measured in 2 images" in out
     data = json.loads((folder / "out" / "results.json").read_text())
     assert data["serial"] == "N0012"
     # what sha256sum prints
