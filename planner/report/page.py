@@ -21,7 +21,7 @@ from planner.argument_kinds import check_kinds, check_space
 from planner.camera.camera import Camera
 from planner.camera.pose import look_at, world_to_cam
 from planner.measuring.foreseen import with_foreseen
-from planner.progress import report
+from planner.progress import labelled, report
 from planner.report.coverage import coverage_html
 from planner.report.figure import (
     GraphPicture,
@@ -82,6 +82,7 @@ from planner.report.wording import (
     unstated_edges_text,
     window_sentence,
 )
+from planner.request.reach import TargetSpace
 from planner.request.targets import PlannedDimension, targets_of, words_of
 from planner.rows import measured_rows
 from planner.text_table import count
@@ -654,7 +655,7 @@ class Report:
 
 def report_html(
     plan: InspectionPlan,
-    space: Space,
+    space: Space | Solid,
     progress: Progress | None = None,
     notes: Sequence[str] = (),
     *,
@@ -669,8 +670,9 @@ def report_html(
     ----------
     plan : InspectionPlan
         The plan, with or without the result of its simulation.
-    space : VisibilityRegions or EntityAspectGraph
-        Gives the part and the viewing domains.
+    space : Solid, VisibilityRegions or EntityAspectGraph
+        The part, whose viewing domains are then computed. Or regions that hold the entities of the plan's targets,
+        such as those of `plan_inspection`: they need not be computed again.
     progress : callable, optional
         ``progress(done, total, label)``.
     notes : sequence of str
@@ -697,13 +699,10 @@ def report_html(
 
     Examples
     --------
+    >>> from aspectgraph import read_solid
     >>> from planner import read_plan, report_html
     >>> plan = read_plan("examples/two_pocket_block_plan.json")
-    >>> from aspectgraph import read_solid
-    >>> block = read_solid("examples/two_pocket_block.off")
-    >>> from aspectgraph import compute_regions
-    >>> regions = compute_regions(block, plan.entities, workspace=plan.workspace)
-    >>> page = report_html(plan, regions)
+    >>> page = report_html(plan, read_solid("examples/two_pocket_block.off"))
     >>> "two_pocket_block" in page
     True
     """
@@ -715,7 +714,7 @@ def report_html(
 
 def make_report(
     plan: InspectionPlan,
-    space: Space,
+    space: Space | Solid,
     progress: Progress | None = None,
     notes: Sequence[str] = (),
     *,
@@ -724,7 +723,7 @@ def make_report(
     cell: Cell | None = None,
 ) -> Report:
     """Return the report of a plan, still without its joint graph; takes what `report_html` takes."""
-    _check_arguments(plan, space)
+    space = _space_of(plan, space, progress)
     if not plan.foreseen and until == math.inf:
         # a plan of an older file does not hold them
         plan = with_foreseen(plan, space.solid)
@@ -776,9 +775,24 @@ def make_report(
     return Report(plan, sections, values, list(notes))
 
 
-def _check_arguments(plan: object, space: object) -> None:
+def _space_of(plan: InspectionPlan, space: Space | Solid, progress: Progress | None) -> Space:
+    """Return where a plan's targets are observable from; the regions of a part are computed."""
+    from aspectgraph import Solid, compute_regions
+
     check_kinds(plan=(plan, "InspectionPlan"))
-    check_space(space)
+    if not isinstance(space, Solid):
+        check_space(space, may_be_part=True)
+        return TargetSpace.of_plan(space, plan)
+    records = {
+        record.name: record
+        for target in plan.targets.values()
+        for witness in target.witnesses
+        for record in witness.records
+    }
+    entities = {name: record.entity_of(space) for name, record in records.items()}
+    shown = labelled(progress, "visible regions")
+    regions = compute_regions(space, entities, workspace=plan.workspace, progress=shown)
+    return TargetSpace.of_plan(regions, plan)
 
 
 def _nouns(plan: InspectionPlan) -> tuple[str, str]:
