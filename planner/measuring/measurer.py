@@ -17,7 +17,7 @@ from errors.measurands import Circle, DecisionRule, Localisation, Position
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
 from errors.measurands.split import End, can_be_split, end_groups
 from ground.blas import with_one_thread
-from ground.faces import project_version
+from ground.faces import program_name
 from ground.short_repr import short_repr
 from planner.argument_kinds import ABOVE_0_TO_1, check_kinds, check_number
 from planner.camera.calibration import check_white_level
@@ -1046,7 +1046,7 @@ class Measurer:
 
     def _source(self, found: ImageSet, operator: str) -> Source:
         return Source(
-            program=project_version(),
+            program=program_name(),
             part=self.plan.part,
             part_digest=self._digest,
             images=dict(found.digests),

@@ -24,11 +24,13 @@ from aspectgraph.entities.entity_rules import PARAMETERS, Carrier
 from aspectgraph.solid.solid import RayScene
 from errors.measurands import Circle, Line
 from ground.convert import Meta, Shape, to_plain
+from ground.faces import program_name
 from ground.short_repr import count
 from planner.argument_kinds import NOT_NEGATIVE, check_count, check_kinds, check_number
 from planner.camera.camera import Camera, tangents_of
 from planner.camera.response import LINEAR, Response
-from planner.files import staged_folder, write_text
+from planner.files import staged_folder, timestamp, write_text
+from planner.identity import PartRecord
 from planner.light.area_light import AreaLight
 from planner.light.light_plan import beside, white_share
 from planner.measuring.advice import TRUTH as TRUTH
@@ -105,6 +107,12 @@ class Truth:
         Of the plan's file, SHA-256, see `InspectionPlan.digest`; empty in older files.
     joined : dict of str to float
         True values of targets that the plan does not inspect, and that `measure` may join from several images.
+    date : str
+        When the rehearsal was made, in the form of ISO 8601 (UTC); empty in older files, as what follows.
+    program : str
+        Name and version of the program.
+    part, part_digest : str
+        The part, and the SHA-256 of its vertices and triangles as designed.
     """
 
     seed: int
@@ -119,6 +127,10 @@ class Truth:
     white_level: Annotated[int, Meta(gt=0, title="must be a number above 0")] = _WHITE
     plan_digest: str = ""
     joined: dict[str, float] = field(default_factory=dict)
+    date: str = ""
+    program: str = ""
+    part: str = ""
+    part_digest: str = ""
 
 
 class Rendered(NamedTuple):
@@ -629,6 +641,10 @@ class Rehearsal:
                 for name, ends in measurer.ends.items()
                 if name in plan.uninspectable
             },
+            date=timestamp(),
+            program=program_name(),
+            part=solid.name,
+            part_digest=PartRecord.of(solid).digest,
         )
 
     def __repr__(self) -> str:

@@ -383,6 +383,8 @@ def qif_text(results: MeasurementResults) -> str:
     ids = _Ids()
     root = ET.Element("QIFDocument", {"xmlns": NAMESPACE, "idMax": "0", "versionQIF": "3.0.0"})
     _add(root, "QPId", _uuid(json.dumps(results.to_dict(), sort_keys=True)))
+    if results.source.date:
+        _add(_add(root, "Version"), "TimeCreated", results.source.date)
     _header(root, results)
     standard = ids.next()
     _standards(root, standard, results.rule.name)
@@ -398,7 +400,7 @@ def qif_text(results: MeasurementResults) -> str:
 def _header(root: ET.Element, results: MeasurementResults) -> None:
     header = _add(root, "Header")
     application = _add(header, "Application")
-    _add(application, "Name", f"aspectgraph {results.source.program}")
+    _add(application, "Name", results.source.program)
     part = results.source.part or "part"
     written = {result.name for result in _written(results)}
     names = [result.name for result in results if result.name not in written]
@@ -934,7 +936,7 @@ class Source:
     Attributes
     ----------
     program : str
-        The program's version.
+        Name and version of the program.
     part, part_digest : str
         The part, and the SHA-256 of its vertices and triangles.
     images : mapping of str to str

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from aspectgraph.plot.picker import LabelLayout, Spot, label_layout
 from errors.checks import percent_text, probability_text
-from ground.faces import project_version
+from ground.faces import program_name
 from ground.templates import asset, render
 from planner.argument_kinds import check_kinds, check_space
 from planner.camera.camera import Camera
@@ -130,7 +130,7 @@ def facts(plan: InspectionPlan, date: str | None = None) -> dict[str, str]:
         "Camera": camera_text(plan.camera),
         "Camera pose": sigma_text(plan.pose_uncertainty.sigmas),
         "Edges": _edges(plan),
-        "Program": f"aspectgraph {project_version()}",
+        "Program": program_name(),
         "Date": date or "",
         "Operator": "" if plan.made is None else plan.made.operator,
     }

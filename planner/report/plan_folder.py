@@ -560,14 +560,16 @@ def with_source(
         Options of `aspectgraph.read_solid`; those that are None are left out.
     """
     path = absolute(part)
+    from_folder = {"relative_to": "the folder of this file"}
     try:
         name = Path(os.path.relpath(path, absolute(folder))).as_posix()
     except (OSError, ValueError):
         # on another drive
         name = str(path)
+        from_folder = {}
     options = {key: value for key, value in reading.items() if value is not None}
     # names of files need not be Unicode
-    return replace(plan, source={"file": name_text(name), **options})
+    return replace(plan, source={"file": name_text(name), **from_folder, **options})
 
 
 # the plan first: see `staged_folder`

@@ -14,6 +14,7 @@ from plan_examples import changed, planned_dimension
 from aspectgraph import Solid, read_solid
 from errors.measurands import Line
 from ground.convert import from_plain
+from ground.faces import program_name
 from planner import (
     Camera,
     Dimension,
@@ -231,6 +232,20 @@ def test_true_values_are_those_of_the_part_that_rays_meet(plate, plan):
     ways = np.stack([np.cos(angle), np.sin(angle), np.zeros(400)], axis=1)
     radii = part.scene.cast(circle.centre - [0, 0, 0.1], ways)["t_hit"]
     assert 2 * radii.mean() == pytest.approx(part.value("left", plan.targets["left"]), abs=0.004)
+
+
+def test_true_values_state_date_program_and_digests(plate, plan, tmp_path, monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
+    Rehearsal(plan, plate).write(tmp_path)
+    data = json.loads((tmp_path / "truth.json").read_text())
+    assert data["date"] == "1970-01-02T00:00:00Z"
+    assert data["program"] == program_name()
+    assert data["part"] == plan.request.part.name
+    assert data["part_digest"] == plan.request.part.digest
+    assert data["plan_digest"] == plan.digest
+    # files of older releases lack them
+    older = {k: v for k, v in data.items() if k not in ("date", "program", "part", "part_digest")}
+    assert from_plain(Truth, older, PlanFileError).date == ""
 
 
 def test_the_same_seed_gives_the_same_files(plate, plan, tmp_path):
