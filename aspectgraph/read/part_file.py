@@ -52,8 +52,8 @@ def read_solid(
         uncertainty that the file states, or a gap too small to change the shape; see `step_fit`.
     solids : int, str, sequence of them, or SolidChoice, optional
         Which solids of a STEP file to read: numbers, counted from 0 in the order of the file,
-        including damaged ones, or names, see `list_solids`. One string is one name. A `SolidChoice` also names solids that
-        only occlude others. Solids that touch become one solid. Default: all, and all must be
+        including damaged ones, or names, see `list_solids`. One string is one name. A `SolidChoice`
+        also names solids that only occlude others. Solids that touch become one solid. Default: all, and all must be
         intact.
     limits : ReadLimits, optional
         Limits of time, memory and size for the reading. Default: ``ReadLimits()``.

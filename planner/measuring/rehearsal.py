@@ -220,6 +220,8 @@ class DeviatingPart:
     ----------
     scene : RayScene
         The part as it is.
+    largest_mm : float
+        By how much a plane is moved or tilted at most, or a radius or an axis is off, mm.
     """
 
     def __init__(self, model: PartModel, surfaces_mm: float, rng: np.random.Generator) -> None:
@@ -235,6 +237,8 @@ class DeviatingPart:
         carried = mesh.carried
         scales = np.reshape(sizes, (-1, PARAMETERS))
         self._deviations = surfaces_mm * scales * self._closed(vertices, carried, drawn, scales)
+        # where faces meet at a small angle, their corner is off by more than they are
+        self.largest_mm = float(np.abs(self._deviations).max(initial=0.0))
         moved = vertices + self._moves(vertices, carried)
         self.scene: RayScene = _RoundScene(moved, triangles, mesh.walls, wall_of)
 
@@ -586,6 +590,8 @@ class Rehearsal:
     ----------
     truth : Truth
         What the images show.
+    largest_mm : float
+        By how much a plane of the part is moved or tilted at most, or a radius or an axis is off, mm.
 
     Raises
     ------
@@ -622,6 +628,7 @@ class Rehearsal:
         self._shots = measurer.shots
         self._rng = np.random.default_rng(seed)
         part = DeviatingPart(measurer.model, surfaces_mm, self._rng)
+        self.largest_mm = part.largest_mm
         poses = [self._drawn_pose(k, exact_poses) for k in range(len(plan.settings))]
         middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
         self._renderer = _Renderer(part.scene, plan.camera, middle)

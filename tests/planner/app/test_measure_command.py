@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -321,6 +322,31 @@ def test_a_rehearsal_without_deviations_says_so(folder, capsys, tmp_path, more, 
         "the plan states no deviation of faces, so the part is rendered as designed; --surfaces-mm"
     )
     assert capsys.readouterr().err.count(note) == n
+
+
+@pytest.mark.parametrize(
+    ("more", "text"),
+    [
+        ((), "0.02 mm, the largest that the plan states; --surfaces-mm states another"),
+        (("--surfaces-mm", "0.2"), "0.2 mm, as --surfaces-mm states"),
+    ],
+)
+def test_a_rehearsal_says_how_far_the_part_deviates(folder, capsys, more, text):
+    words = [
+        "render",
+        str(folder / "plan.json"),
+        "--part",
+        str(folder / "plate.off"),
+        "--units",
+        "mm",
+    ]
+    assert main([*words, "--out", str(folder / f"drawn{len(more)}"), *more]) == 0
+    told = capsys.readouterr().err
+    largest, rest = re.search(r"faces of the part deviate by up to (\S+) mm, (.*)", told).groups()
+    assert rest == f"drawn with a standard deviation of {text}"
+    sigma = float(text.split()[0])
+    # of so many faces, one is off by more than a standard deviation, and none by six
+    assert sigma < float(largest) < 6 * sigma
 
 
 def test_measuring_says_which_image_it_is_at(folder, capsys):
