@@ -60,6 +60,7 @@ from planner.report.tables import (
     source_text,
 )
 from planner.report.wording import (
+    MORE_TIME,
     bound_sentence,
     calibration_rows,
     dark_note,
@@ -828,7 +829,8 @@ def _more(plan: InspectionPlan) -> str:
 
 def _run_notices(plan: InspectionPlan) -> list[Notice]:
     """Return what the plan does not promise, because of how it was made."""
-    texts = {"Planning": unfinished_sentence(plan), "Light": unlit_sentence(plan)}
+    early = f"{unfinished_sentence(plan)} {MORE_TIME}" if plan.unfinished else ""
+    texts = {"Planning": early, "Light": unlit_sentence(plan)}
     return [Notice(head, [(f": {text}", ())]) for head, text in texts.items() if text]
 
 
