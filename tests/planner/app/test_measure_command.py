@@ -93,8 +93,13 @@ def test_json(folder, capsys):
         ),
         ("good", ["--coverage", "0"], "--coverage must be in (0, 1]. Got 0."),
         ("good", ["--surfaces-mm", "-1"], "--surfaces-mm must be finite and not negative. Got -1."),
+        (
+            "good",
+            ["--surfaces-mm", "50"],
+            "--surfaces-mm must be at most 9.7 mm, which are 60 px of",
+        ),
     ],
-    ids=["no folder", "no poses", "coverage", "surfaces"],
+    ids=["no folder", "no poses", "coverage", "surfaces", "far surfaces"],
 )
 def test_bad_input(folder, capsys, images, more, message):
     assert run(folder, images, *more, out="bad") == 2
