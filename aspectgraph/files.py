@@ -433,7 +433,7 @@ class SolidChoice:
 
     Attributes
     ----------
-    measured : sequence of int or str, optional
+    measured : str, or sequence of int or str, optional
         Solids whose edges can be entities, by their numbers, counted from 0 in the order of the
         file, or by their names: of a product, an instance or the solid. ``bracket:2`` is the second one
         of several with this name, ``bracket:all`` are all of them. Default: all that are not
@@ -461,9 +461,8 @@ class SolidChoice:
 
     def __post_init__(self) -> None:
         if isinstance(self.measured, str):
-            raise ReadError.of_rule(
-                "solids", "must be a list of numbers or names", repr(self.measured)
-            )
+            # text is a sequence of letters, too
+            object.__setattr__(self, "measured", (self.measured,))
         if isinstance(self.occluders, str) and self.occluders != "all":
             raise ReadError.of_rule(
                 "occluders", "must be 'all', or a list of numbers or names", repr(self.occluders)
@@ -546,10 +545,12 @@ def _in_numbers(
     return numbers
 
 
-def as_choice(solids: Sequence[int | str] | SolidChoice | None) -> SolidChoice:
+def as_choice(solids: int | str | Sequence[int | str] | SolidChoice | None) -> SolidChoice:
     """Return a choice as a `SolidChoice`."""
     if isinstance(solids, SolidChoice):
         return solids
     if solids is None or isinstance(solids, str):
         return SolidChoice(solids)
+    if isinstance(solids, int):
+        return SolidChoice((solids,))
     return SolidChoice(tuple(solids))

@@ -43,6 +43,11 @@ def face(
     return look_up, public, names
 
 
+def program_name() -> str:
+    """Return name and version of the program, as records state them: ``"aspectgraph 0.1.0"``."""
+    return f"aspectgraph {project_version()}"
+
+
 def project_version() -> str:
     """Return the version of the installed program; ``"unknown"`` if it runs from its source."""
     from importlib.metadata import PackageNotFoundError, version

@@ -47,11 +47,14 @@ class NotebookTable:
         A text, a number or a `Toned` per column.
     right : collection of int
         Columns that are aligned on the right, by number from 0.
+    note : str
+        A sentence below the rows, such as how many are left out; empty for none.
     """
 
     headings: Sequence[str]
     rows: Sequence[Sequence[Any]]
     right: Collection[int] = ()
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -67,13 +70,16 @@ class NotebookView:
     table : NotebookTable or None
         Below the sentences; none without rows.
     items : mapping of str to str
-        A list below the table: names, and what is said of them.
+        A list below the tables: names, and what is said of them.
+    details : NotebookTable or None
+        A second table below the first; none without rows.
     """
 
     title: str
     lines: Sequence[str | Toned] = ()
     table: NotebookTable | None = None
     items: Mapping[str, str] = field(default_factory=dict)
+    details: NotebookTable | None = None
 
     def html(self) -> str:
         """Return a part of a page that needs nothing else; every text is escaped."""
@@ -82,7 +88,7 @@ class NotebookView:
             "notebook.html",
             title=self.title,
             lines=self.lines,
-            table=self.table,
+            tables=[table for table in (self.table, self.details) if table and table.rows],
             items=self.items,
             tones=TONES,
         )

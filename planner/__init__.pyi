@@ -1,5 +1,6 @@
 from .app.batch import PartRequest as PartRequest
 from .app.batch import PartResult as PartResult
+from .app.batch import PartResults as PartResults
 from .app.batch import plan_folder as plan_folder
 from .app.model_dimensions import DimensionFolder as DimensionFolder
 from .app.model_dimensions import ModelDimensions as ModelDimensions

@@ -155,10 +155,11 @@ def check_path(name: str, value: object) -> None:
         raise RequestError.of_rule(name, "must be a path", kind_shown(value))
 
 
-def check_space(space: object) -> None:
-    """Raise `RequestError` unless a value holds the visible regions of a part."""
+def check_space(space: object, *, may_be_part: bool = False) -> None:
+    """Raise `RequestError` unless a value holds the visible regions of a part; some calls also take the part."""
     if not hasattr(space, "solid"):
-        rule = "must be VisibilityRegions or an EntityAspectGraph"
+        part = "a Solid, " if may_be_part else ""
+        rule = f"must be {part}VisibilityRegions or an EntityAspectGraph"
         got = f"an object of type {type(space).__name__}"
         raise RequestError.of_rule("space", rule, got, hint="compute_regions makes the former")
 

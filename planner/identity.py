@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from errors.measurands.geometry import Localisation
 from ground.convert import STATED, Meta, Plain, Shape, from_plain, to_plain
-from ground.faces import project_version
+from ground.faces import program_name
 from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.pose import GivenPose, PoseUncertainty
@@ -252,7 +252,7 @@ class Made:
     date : str
         When the plan was written, in the form of ISO 8601 (UTC).
     program : str
-        The program's version.
+        Name and version of the program; files of older releases have the version alone.
     operator : str
         Who planned; empty if not stated.
     part_file_sha256 : str
@@ -264,7 +264,7 @@ class Made:
     date: Annotated[
         str, Meta(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ$", title="must be a date in UTC")
     ]
-    program: Annotated[str, Meta(title="must be the version of the program")]
+    program: Annotated[str, Meta(title="must be name and version of the program")]
     operator: Annotated[str, Meta(title="must be the name of who planned")] = ""
     part_file_sha256: _Digest = ""
     camera_sha256: _Digest = ""
@@ -286,7 +286,7 @@ class Made:
         stored = encoded(stored_request(request))
         return cls(
             timestamp(),
-            project_version(),
+            program_name(),
             operator,
             part_file_sha256,
             digest_of(stored["request"]["camera"]),

@@ -13,7 +13,8 @@ import numpy as np
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
 from planner.argument_kinds import check_kinds, check_path
 from planner.files import write_text
-from planner.text_table import Column, Table, count, data_frame
+from planner.request.words import amount_text
+from planner.text_table import Column, Table, count, data_frame, digits_text
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 
 _DEG = math.degrees(1.0)
+# what a notebook shows of a plan
+_SHOWN_TARGETS = 12
 
 
 class PlanTables(ShownInNotebook):
@@ -35,6 +38,7 @@ class PlanTables(ShownInNotebook):
     lower_bound: int
     unfinished: bool
     simulation: Any
+    light: Any
 
     if TYPE_CHECKING:
 
@@ -220,7 +224,7 @@ class PlanTables(ShownInNotebook):
         return text
 
     def _notebook_view(self) -> NotebookView:
-        """Return a table of the settings; see also `plan_figure` for the plan in 3-D."""
+        """Return tables of the settings and of what they measure; see also `plan_figure` for the plan in 3-D."""
         from errors.checks import frequency_text, probability_text
         from planner.request.targets import words_of
 
@@ -231,16 +235,67 @@ class PlanTables(ShownInNotebook):
             smallest = min(setting.promise[name] for name in setting.entities)
             simulated = "not yet" if worst is None else frequency_text(worst.successes, worst.n)
             place = ", ".join(f"{c:.1f}" for c in setting.position)
+            lamps = [self._lamps_cell(number - 1)] if self._has_places else []
             names = ", ".join(setting.entities)
-            rows.append((number, place, names, probability_text(smallest), simulated))
+            rows.append((number, place, *lamps, names, probability_text(smallest), simulated))
         items = words_of(self.targets).items[1]
-        headings = ("", "camera at (mm)", items, f"smallest {self._promised}", "simulated")
+        lamps = ["lamp at (mm)"] if self._has_places else []
+        headings = ("", "camera at (mm)", *lamps, items, f"smallest {self._promised}", "simulated")
         return NotebookView(
             f"Plan of {self.part or 'a part'}",
-            (self._verdict(), self._caption(), *self._edges_lines()),
+            (self._verdict(), self._caption(), *self._light_lines(), *self._edges_lines()),
             NotebookTable(headings, rows, right=(0,)),
             self.uninspectable,
+            self._measured_table(),
         )
+
+    def _measured_table(self) -> NotebookTable:
+        """Return what is measured, how wrong and how surely: the first targets, from their best settings."""
+        from errors.checks import probability_text
+        from planner.request.targets import words_of
+
+        best = self._best_rows()
+        counted = all(setting.p_all for setting in self.settings)
+        rows = []
+        for name in list(best)[:_SHOWN_TARGETS]:
+            row = best[name]
+            stated = [row.promise, row.probability] if counted else [row.probability]
+            texts = [probability_text(p, self.probability) for p in stated]
+            rows.append((name, *_amounts(self.targets[name], row), *texts))
+        more = len(best) - len(rows)
+        note = f"and {more} more: plan.rows() and plan.to_dataframe() list all." if more else ""
+        noun = words_of(self.targets).items[0]
+        headings = (noun, "nominal", "U", *["P_all"] * counted, "P")
+        return NotebookTable(headings, rows, right=range(2, len(headings)), note=note)
+
+    def _best_rows(self) -> dict[str, Row]:
+        """Return the row of the largest probability of each inspected target, in the order of the targets."""
+        from planner.rows import measured_rows, split_rows
+
+        rows: dict[str, Row] = {}
+        for row in (row for setting in measured_rows(self) for row in setting):
+            if row.name not in rows or row.promise > rows[row.name].promise:
+                rows[row.name] = row
+        rows |= {row.name: row for row in split_rows(self)}
+        return {name: rows[name] for name in self.targets if name in rows}
+
+    @property
+    def _has_places(self) -> bool:
+        """Whether lamps are planned that have positions; a light that the camera carries has none."""
+        return self.light is not None and len(self.light.lamps) > 0
+
+    def _lamps_cell(self, k: int) -> str:
+        """Return where the lamp of each image of a setting is."""
+        lamps = [self.light.lamps[lamp] for image in self.light.images[k] for lamp in image.lamps]
+        return "; ".join(", ".join(f"{c:.1f}" for c in lamp) for lamp in lamps) or "none"
+
+    def _light_lines(self) -> list[str]:
+        """Say which light is planned, and what it shows."""
+        if self.light is not None and self.settings:
+            return [import_module("planner.report.wording").light_sentence(self)]
+        if self.light_missing or not self.settings:
+            return []
+        return ["Light is not planned, so nothing is promised of contrast."]
 
     @property
     def _promised(self) -> str:
@@ -302,6 +357,20 @@ class PlanTables(ShownInNotebook):
             "unit": target.unit,
             "n_features": target.n_features,
         }
+
+
+def _amounts(target: Target, row: Row) -> tuple[str, str]:
+    """Return the nominal value with its tolerance, and U; without a tolerance, with the permitted error.
+
+    U is the one that `measure` will state, or that of the plan where none is foreseen.
+    """
+    nominal, error = target.requirement_texts
+    if not target.words.requirement_column:
+        nominal = target.value_text
+    if target.tolerance is None:
+        nominal = f"{nominal}, {error}"
+    expanded = getattr(row.foreseen, "expanded_uncertainty", 2 * row.standard_uncertainty)
+    return nominal, amount_text(digits_text(expanded, 2), row.unit)
 
 
 def _column(key: str, units: str) -> Column:

@@ -6,23 +6,30 @@ import sys
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 from browser import Browser, needs_browser
 from measured_plate import POSES, dimensions_of, fine_plate, measured_plan, photograph, thick_plate
 from plan_examples import LIGHT, plan
 
 from aspectgraph import Solid, build_aspect_graph, read_requirements, read_solid
+from errors.checks import probability_text
 from errors.measurands import Decision
 from ground.notebook import TONES
 from planner import (
+    ArmUncertainty,
+    Cell,
     GivenPose,
     Lighting,
+    PartResult,
+    PartResults,
     Registration,
     look_at,
     measure,
     predict_poses,
     read_plan,
     read_poses,
+    robot_program,
 )
 
 CTC_01 = "examples/nist_ctc_01_ap242.stp"
@@ -48,7 +55,27 @@ def values():
         "predicted": predicted(),
         "poses": read_poses("examples/two_pocket_block_poses.yaml"),
         "required": read_requirements(CTC_01, read_solid(CTC_01)),
+        "program": programmed(),
+        "parts": PARTS,
     }
+
+
+PARTS = PartResults(
+    [
+        PartResult("lids/lid.step", "planned", "", 8, 3, 2, 12.5),
+        PartResult("a<b.step", "incomplete", "no lamp shows rim & edge", 6, 2, 2, 9.0, left_out=3),
+        PartResult("open.stl", "refused", "the part must be closed. Got 3 holes."),
+    ]
+)
+
+
+def programmed():
+    """The round of an arm through a plan's settings."""
+    made = read_plan("examples/two_pocket_block_plan.json")
+    block = read_solid("examples/two_pocket_block.off")
+    uncertainty = ArmUncertainty(joints_rad=1e-4)
+    cell = Cell.from_toml("examples/cell.toml")
+    return robot_program(made, block, cell, uncertainty=uncertainty, simulate=0)
 
 
 def predicted():
@@ -60,7 +87,9 @@ def predicted():
     return predict_poses(block, wanted, poses, made.camera, made.pose_uncertainty, accuracy=0.95)
 
 
-NAMES = ("solid", "graph", "plan", "light", "results", "result", "predicted", "poses", "required")
+NAMES = (
+    "solid", "graph", "plan", "light", "results", "result", "predicted", "poses", "program", "parts", "required",
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -206,6 +235,42 @@ def test_poses_of_a_file_are_a_table():
     for pose in poses.poses:
         assert f">{pose.name}</td>" in html
         assert ", ".join(f"{c:.1f}" for c in pose.cam2world[:3, 3]) in html
+
+
+def test_a_program_lists_its_stops_and_what_to_look_at():
+    made = values()["program"]
+    html = made._repr_html_()
+    (stop,) = made.tours[0].stops
+    cells = re.findall("<td[^>]*>([^<]*)</td>", html)
+    angles = [float(angle) for angle in cells[2].split(", ")]
+    assert angles == pytest.approx(np.degrees(stop.joints), abs=0.0501)
+    assert cells[:2] == [made.tours[0].fixturing, "1"]
+    assert cells[3:] == [
+        f"{stop.move.seconds:.1f}",
+        probability_text(min(stop.probability.values())).replace(">", "&gt;"),
+    ]
+    assert f'color:{TONES["good"]}">The program visits 1 of 1 setting.<' in html
+    assert f"1 round from home to home, moves {made.seconds:.1f} s at " in html
+    missing = replace(made, unreached={1: "behind <the> table"}, warnings=("look",))
+    html = missing._repr_html_()
+    assert f'color:{TONES["bad"]}">The program visits 1 of 2 settings.<' in html
+    assert "<li>setting 2 is not reached: behind &lt;the&gt; table</li>" in html
+    assert "<li>warning 1: look</li>" in html
+
+
+def test_the_results_of_a_folder_are_one_table():
+    assert repr(PARTS) == "<PartResults of 3 parts: 1 planned, 1 incomplete, 1 refused>"
+    html = PARTS._repr_html_()
+    # what is not planned comes first, with the reason
+    cells = re.findall("<td[^>]*>(?:<span[^>]*>)?([^<]*)", html)
+    assert cells[::4] == ["a&lt;b.step", "open.stl", "lids/lid.step"]
+    assert cells[1:4] == ["incomplete", "2 (at least 2)", "no lamp shows rim &amp; edge"]
+    assert f'color:{TONES["bad"]}">1 planned, 1 incomplete, 1 refused.<' in html
+    assert "3 requirements left out." in html
+    long = PartResults(PARTS[:1] * 20)
+    assert long._repr_html_().count("<tr>") == 13
+    assert "and 8 more; results.csv in the folder lists all." in long._repr_html_()
+    assert "1 part" in PartResults(PARTS[:1])._repr_html_()
 
 
 def test_decisions_have_their_colours():

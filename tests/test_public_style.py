@@ -175,7 +175,7 @@ WRONG = [
     (lambda: write_poses("poses", read_plan(PLAN)), "Got 'poses'", "read_plan"),
     (lambda: read_plan(PLAN).plot("x"), "solid must be a Solid. Got 'x'", "read_solid"),
     (lambda: report_html(BLOCK, BLOCK), "plan must be an InspectionPlan", "read_plan reads one"),
-    (lambda: report_html(read_plan(PLAN), BLOCK), "space must be VisibilityRegions", "regions"),
+    (lambda: report_html(read_plan(PLAN), CAMERA), "space must be a Solid, Visib", "regions"),
     (lambda: plan_setting(BLOCK, ["rim"], CAMERA, SIGMA), "space must be Visibility", "regions"),
     (lambda: measured_html(read_plan(PLAN)), "results must be a MeasurementResults", "measure"),
     (lambda: MeasureOptions("edges"), "registration must be a Registration", "own_edges"),

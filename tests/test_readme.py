@@ -76,7 +76,7 @@ def test_commands_run_as_printed(clone, capsys, stated_in_full):
     for quoted in (*settings.splitlines(), *dimensions.splitlines(), verdict):
         assert " ".join(quoted.split()) in " ".join(out.split())
     assert "1 round from home to home" in out
-    assert "2 of 2 targets measured in 1 image" in " ".join(out.split())
+    assert "2 of 2 planned targets measured in 1 image" in " ".join(out.split())
     assert "Save TOML" in (clone / "edges.html").read_text(encoding="utf-8")
     assert len(read_graphml(clone / "graph.graphml")) > 1
     check_table(read_plan(clone / "plan" / "plan.json"))

@@ -30,7 +30,7 @@ def read_solid(
     angular_tolerance_deg: float | None = None,
     planarity_mm: float | None = None,
     gap_mm: float | None = None,
-    solids: Sequence[int | str] | SolidChoice | None = None,
+    solids: int | str | Sequence[int | str] | SolidChoice | None = None,
     limits: ReadLimits | None = None,
 ) -> Solid:
     """Read a part file as a validated solid in millimetres.
@@ -50,10 +50,10 @@ def read_solid(
     gap_mm : float, optional
         Largest gap between vertices, edges and faces of a STEP file that should meet. Default: the
         uncertainty that the file states, or a gap too small to change the shape; see `step_fit`.
-    solids : sequence of int or str, or SolidChoice, optional
+    solids : int, str, sequence of them, or SolidChoice, optional
         Which solids of a STEP file to read: numbers, counted from 0 in the order of the file,
-        including damaged ones, or names, see `list_solids`. A `SolidChoice` also names solids that
-        only occlude others. Solids that touch become one solid. Default: all, and all must be
+        including damaged ones, or names, see `list_solids`. One string is one name. A `SolidChoice`
+        also names solids that only occlude others. Solids that touch become one solid. Default: all, and all must be
         intact.
     limits : ReadLimits, optional
         Limits of time, memory and size for the reading. Default: ``ReadLimits()``.

@@ -31,7 +31,8 @@ from aspectgraph.visibility.visibility_regions import KeptRegions
 from errors.exceptions import MeasurementModelError
 from ga.exceptions import GAError
 from ground.convert import STATED, Meta, from_plain, to_plain
-from ground.short_repr import short_repr
+from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
+from ground.short_repr import count, short_repr
 from planner.app.model_dimensions import DimensionFolder, ModelDimensions, stated_dimensions
 from planner.argument_kinds import (
     MAPPING,
@@ -326,6 +327,61 @@ class PartResult:
             Folder of the part's plan.
         """
         write_text(folder / RECORD, json.dumps(to_plain(self), indent=1) + "\n")
+
+
+# what a notebook shows of the results of a folder
+_SHOWN_PARTS = 12
+_TONES = {"planned": "good", "incomplete": "bad", "refused": "bad", "failed": "bad"}
+
+
+class PartResults(list[PartResult], ShownInNotebook):
+    """The results of a folder of parts: a list that notebooks show as a table.
+
+    Parameters
+    ----------
+    iterable : iterable of PartResult, optional
+        The results. Default: none.
+
+    Examples
+    --------
+    >>> from planner import PartResult, PartResults
+    >>> PartResults([PartResult("a.off", "planned"), PartResult("b.off", "failed", "no light")])
+    <PartResults of 2 parts: 1 planned, 1 failed>
+    """
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of parts by status."""
+        statuses = [result.status for result in self]
+        return {status: statuses.count(status) for status in _TONES if status in statuses}
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        counts = ", ".join(f"{n} {status}" for status, n in self.counts.items())
+        return f"<PartResults of {count(len(self), 'part')}: {counts or 'nothing'}>"
+
+    def _notebook_view(self) -> NotebookView:
+        """Return a table of the parts, those without a whole plan first, as the terminal lists them."""
+        ordered = sorted(self, key=lambda result: result.status == "planned")
+        rows = [
+            (
+                result.part,
+                Toned(result.status, _TONES[result.status]),
+                f"{result.settings} (at least {result.lower_bound})" if result.settings else "",
+                result.reason,
+            )
+            for result in ordered[:_SHOWN_PARTS]
+        ]
+        counts = ", ".join(f"{n} {status}" for status, n in self.counts.items())
+        tone = "good" if set(self.counts) == {"planned"} else "bad"
+        lines = [Toned(f"{counts}.", tone)] if counts else []
+        if n_left_out := sum(result.left_out for result in self):
+            lines.append(Toned(f"{count(n_left_out, 'requirement')} left out.", "open"))
+        more = len(self) - len(rows)
+        note = f"and {more} more; results.csv in the folder lists all." if more else ""
+        headings = ("part", "status", "settings", "reason")
+        table = NotebookTable(headings, rows, note=note)
+        return NotebookView(count(len(self), "part"), lines, table)
 
 
 class _Table(NamedTuple):
@@ -885,7 +941,7 @@ def plan_folder(
     executor: Executor | None = None,
     progress: Progress | None = None,
     replace: bool = False,
-) -> list[PartResult]:
+) -> PartResults:
     """Plan every part of a folder, and write each plan to a folder of its own.
 
     **Guarantee.** Every part has a result: a plan, or one reason. Finished results remain after an
@@ -916,8 +972,8 @@ def plan_folder(
 
     Returns
     -------
-    list of PartResult
-        In the order of the names of the parts.
+    PartResults
+        A list of `PartResult`, in the order of the names of the parts.
 
     Raises
     ------
@@ -979,7 +1035,7 @@ def plan_folder(
                     reported = time.monotonic()
         finally:
             write_tables(results.values(), target)
-    return sorted(results.values(), key=lambda part_result: part_result.part)
+    return PartResults(sorted(results.values(), key=lambda part_result: part_result.part))
 
 
 def _earlier_result(task: PartTask, may_replace: bool) -> PartResult | None:

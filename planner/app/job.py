@@ -643,19 +643,22 @@ def check_same_part(solid: Solid, plan: InspectionPlan, path: str, *, hint: str 
 
 # how a part's file is read
 _READING = ("--units", "--solids", "--occluders", "--gap-mm")
+# which file the part was read from
+_OF_FILE = ("file", "relative_to")
 
 
 def _part_again(options: Plan, path: Path, source: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     """Return the part's file and how it is read: as given, or as the plan stores it."""
     if options.part is not None:
-        stored_reading = {name: value for name, value in source.items() if name != "file"}
+        stored_reading = {name: value for name, value in source.items() if name not in _OF_FILE}
         typed = {name: value for name, value in reading_of(options).items() if value is not None}
         return options.part, {**stored_reading, **typed}
     if any(name in options.typed for name in _READING):
         raise RequestError("the part must be given with options that say how to read it. Got none.")
     if not source:
         raise PlanFileError("source must name the part's file. Got none; give PART, too.")
-    return str(path.parent / source["file"]), {k: v for k, v in source.items() if k != "file"}
+    reading = {name: value for name, value in source.items() if name not in _OF_FILE}
+    return str(path.parent / source["file"]), reading
 
 
 def workspace_of(options: Workspace) -> np.ndarray | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -147,15 +148,9 @@ def render(options: Render) -> int:
             seed=options.seed,
             exact_poses=options.exact_poses,
         )
-        if not options.quiet and rehearsal.unlit:
-            which = "the light that was requested is not planned yet"
-            why = which if plan.light_missing else "the plan has no light"
-            write_error(f"aspectgraph: {why}; a lamp on the camera lights the images")
-        if not options.quiet and options.surfaces_mm is None and not rehearsal.truth.surfaces_mm:
-            write_error(
-                "aspectgraph: the plan states no deviation of faces, so the part is rendered as designed; "
-                "--surfaces-mm makes it deviate"
-            )
+        if not options.quiet:
+            for text in _rendered_texts(rehearsal, plan, options.surfaces_mm):
+                write_error(f"aspectgraph: {text}")
         with terminal_progress(
             quiet=options.quiet, lines=options.verbose, waiting=True
         ) as progress:
@@ -165,6 +160,32 @@ def render(options: Render) -> int:
     else:
         terminal_tables.print_written(files, path_text(out), path_text(out / TRUTH))
     return DONE
+
+
+def _rendered_texts(
+    rehearsal: Rehearsal, plan: InspectionPlan, stated_mm: float | None
+) -> Iterator[str]:
+    """Yield what lights the images, and how far the part in them is off its model."""
+    if rehearsal.unlit:
+        which = "the light that was requested is not planned yet"
+        why = which if plan.light_missing else "the plan has no light"
+        yield f"{why}; a lamp on the camera lights the images"
+    sigma = rehearsal.truth.surfaces_mm
+    if sigma:
+        drawn = f"{sigma:.3g} mm, as --surfaces-mm states"
+        if stated_mm is None:
+            drawn = (
+                f"{sigma:.3g} mm, the largest that the plan states; --surfaces-mm states another"
+            )
+        yield (
+            f"faces of the part deviate by up to {rehearsal.largest_mm:.2g} mm, drawn with a standard deviation of "
+            f"{drawn}"
+        )
+    elif stated_mm is None:
+        yield (
+            "the plan states no deviation of faces, so the part is rendered as designed; --surfaces-mm makes it "
+            "deviate"
+        )
 
 
 class _Reason(NamedTuple):

@@ -374,7 +374,8 @@ class SearchEffort:
     effort
         how long to search and to prove (default: standard)
     time_limit
-        end after this many seconds with the best plan so far, like 90, 5min or 1h (default: no limit)
+        end after this many seconds with the best plan so far, like 90, 5min or 1h; a few dimensions need some ten
+        seconds, a hundred edges a minute or more (default: no limit)
     gap
         end the search when at most this share of the settings is unproven, like 20%
     split

@@ -546,7 +546,8 @@ def plan(options: Plan) -> int:
         )
         with leftovers.forgotten_if_refused():
             result, written, interrupted = _planned(options, job, leftovers)
-        _print_planned(options, result, job, written, leftovers)
+        by_limit = options.time_limit is not None and not interrupted
+        _print_planned(options, result, job, written, leftovers, ended_by_limit=by_limit)
         if interrupted:
             raise KeyboardInterrupt
     if result.simulation is None:
@@ -562,6 +563,8 @@ def _print_planned(
     job: Job,
     written: Written,
     leftovers: Leftovers,
+    *,
+    ended_by_limit: bool,
 ) -> None:
     """Print a plan, and the files it is in."""
     files = [path_text(path) for path in written.files]
@@ -580,6 +583,10 @@ def _print_planned(
             print_text(text)
     elif result.settings:
         print("--explain prints the proof, what P and P_all mean, and what is assumed.")
+    if result.unfinished and ended_by_limit:
+        print_text(
+            f"The time limit of {options.time_limit:g} s ended the planning; a larger --time-limit may give more."
+        )
     if result.unfinished and leftovers:
         print("The same command with --resume continues from here.")
     for text in written.notes:

@@ -465,6 +465,7 @@ def read_images(
     *,
     partial: bool = False,
     allow_lossy: bool = False,
+    stranger: str = "",
 ) -> ImageSet:
     """Read the images of a plan, and check all of them.
 
@@ -481,6 +482,8 @@ def read_images(
         Whether images may be missing.
     allow_lossy : bool
         Whether JPEG and WebP files, and the mosaics of colour cameras, are accepted.
+    stranger : str
+        What says that the images are of another plan, if anything does.
 
     Returns
     -------
@@ -502,7 +505,7 @@ def read_images(
         raise RequestError.of_rule(
             "images", "must be a folder or a mapping", f"an object of type {kind}", hint=hint
         )
-    _check_names(files, shots, partial)
+    _check_names(files, shots, partial, stranger)
     image_set = ImageSet()
     wrong: dict[str, list[str]] = {}
     for shot in shots:
@@ -570,7 +573,7 @@ def _by_name(source: Mapping[Any, Any]) -> dict[str, Any]:
 _PARTIAL = "partial=True"
 
 
-def _check_names(files: Mapping[str, Any], shots: list[Shot], partial: bool) -> None:
+def _check_names(files: Mapping[str, Any], shots: list[Shot], partial: bool, stranger: str) -> None:
     names = [shot.name for shot in shots]
     missing = [name for name in names if name not in files]
     extra = [name for name in files if name not in names]
@@ -581,7 +584,11 @@ def _check_names(files: Mapping[str, Any], shots: list[Shot], partial: bool) -> 
         parts.append(f"{_listed(extra)}, which the plan does not take")
     if parts:
         is_rest = not extra and not partial and len(missing) < len(names)
-        hint = f"{_PARTIAL} measures what is there" if is_rest else ""
+        hint = stranger
+        if not stranger and is_rest:
+            hint = f"{_PARTIAL} measures what is there"
+        elif not stranger and missing and extra:
+            hint = "they may be of another plan"
         raise RequestError.of_rule(
             "images",
             f"must be {_all_of(names)}",

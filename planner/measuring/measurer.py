@@ -17,7 +17,7 @@ from errors.measurands import Circle, DecisionRule, Localisation, Position
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
 from errors.measurands.split import End, can_be_split, end_groups
 from ground.blas import with_one_thread
-from ground.faces import project_version
+from ground.faces import program_name
 from ground.short_repr import short_repr
 from planner.argument_kinds import ABOVE_0_TO_1, check_kinds, check_number
 from planner.camera.calibration import check_white_level
@@ -35,6 +35,7 @@ from planner.measuring.advice import (
     lacks_registration,
     of_poses,
     plan_notes,
+    rendered_note,
     with_advice,
 )
 from planner.measuring.images import ImageSet, Picture, Shot, read_images, shots_of
@@ -55,11 +56,19 @@ from planner.measuring.reading import (
     read_value,
     scan_entity,
 )
-from planner.measuring.register import bias_of, check_lens, looks_like, register_as_shown
-from planner.measuring.registered import Registered, as_given, prior_covariance
+from planner.measuring.register import (
+    MOST_WINDOW_PX,
+    bias_of,
+    check_lens,
+    looks_like,
+    register_as_shown,
+)
+from planner.measuring.registered import FREE_PX, Registered, as_given, prior_covariance
 from planner.measuring.registration import BOTH, NoFiducialsError, Registration, locate
 from planner.measuring.response import JudgedResponse, judge_response
 from planner.measuring.results import (
+    NOT_INSPECTED,
+    NOT_PLANNED,
     MeasurementResults,
     Result,
     Source,
@@ -101,6 +110,7 @@ NEAR_PX = 3.0
 """Entities are searched this far from a registered prediction, px."""
 
 # what progress calls the stages of measuring
+_AS_SHOWN = " (as images show)"
 _PREPARING = "preparing images"
 _REGISTERING = "registering images"
 _AGAIN = "registering images again"
@@ -337,9 +347,11 @@ class Measurer:
         """
         camera = self._camera(options)
         report(progress, 0, len(self.shots), _PREPARING)
-        image_set = read_images(
-            images, self.shots, camera, partial=partial, allow_lossy=allow_lossy
-        )
+        # before images are read, which takes long
+        wide = _wide_note(self.model.solid, self.plan, options.registration)
+        reading = {"partial": partial, "allow_lossy": allow_lossy}
+        stranger = rendered_note(self.plan, images)
+        image_set = read_images(images, self.shots, camera, stranger=stranger, **reading)
         pictures = _pictures(image_set, camera, progress)
         registered, failed = self._all_registered(pictures, options, progress)
         poses = registered | self._alone(failed, pictures, options)
@@ -376,11 +388,10 @@ class Measurer:
             serial,
             self._correlation(results, joint),
             self._source(image_set, operator),
-            (*of_images, *notes, *plan_notes(self.plan, options.registration, images)),
+            (*of_images, *notes, *wide, *plan_notes(self.plan, options.registration, images)),
             pictures,
             response.records(),
-            edges_text(results, states, unseen)
-            + (" (as images show)" if broken is not None else ""),
+            edges_text(results, states, unseen) + _AS_SHOWN * (broken is not None),
             unseen,
         )
 
@@ -874,7 +885,7 @@ class Measurer:
             reason = self.plan.uninspectable.get(name)
             if reason is not None:
                 # it is read all the same, from what images show of it
-                refused = f"the plan does not inspect it: {reason}"
+                refused = f"{NOT_INSPECTED}{reason}"
                 result = replace(result, notes=(*result.notes, refused))
             results[name] = result
         return results
@@ -1023,7 +1034,7 @@ class Measurer:
     def _not_planned(self, rule: DecisionRule) -> dict[str, Result]:
         """Return results of what the plan does not inspect: the reason is the plan's."""
         return {
-            name: merged(name, self.plan.targets[name], (), rule, f"not planned: {reason}")
+            name: merged(name, self.plan.targets[name], (), rule, f"{NOT_PLANNED}{reason}")
             for name, reason in self.plan.uninspectable.items()
         }
 
@@ -1044,7 +1055,7 @@ class Measurer:
 
     def _source(self, found: ImageSet, operator: str) -> Source:
         return Source(
-            program=project_version(),
+            program=program_name(),
             part=self.plan.part,
             part_digest=self._digest,
             images=dict(found.digests),
@@ -1054,6 +1065,31 @@ class Measurer:
             camera=self.plan.camera,
             part_file_sha256=self._part_file_sha256,
         )
+
+
+def _wide_note(solid: Solid, plan: InspectionPlan, how: Registration) -> list[str]:
+    """Return a note on faces that are stated to deviate by more than images tell; none otherwise.
+
+    Raises
+    ------
+    RequestError
+        If they deviate by more than edges are searched from where they should be.
+    """
+    pixel = pixel_mm(plan.camera, solid, [setting.cam2world for setting in plan.settings])
+    stated = how.surfaces_mm
+    if stated is None or stated <= FREE_PX * pixel:
+        return []
+    if stated > MOST_WINDOW_PX * pixel:
+        raise RequestError.of_rule(
+            "surfaces_mm",
+            f"must be at most {MOST_WINDOW_PX * pixel:.2g} mm, which are {MOST_WINDOW_PX:g} px of these images: edges "
+            "are searched no farther from where they should be",
+            f"{stated:g}",
+        )
+    return [
+        f"faces are stated to deviate by {stated:g} mm, {stated / pixel:.0f} px of these images. Of more than "
+        f"{FREE_PX:g} px, nothing is known of where they are, so U is larger than with a deviation that parts have"
+    ]
 
 
 def _pictures(images: ImageSet, camera: Camera, progress: Progress | None) -> dict[str, Picture]:

@@ -166,7 +166,8 @@ _COARSE_PX = 1.5
 _FAR_PX = 0.7
 _SIGMAS = 3.0
 _ROOM_PX = 2.0
-_MOST_WINDOW_PX = 60.0
+MOST_WINDOW_PX = 60.0
+"""How far an image may be off its prediction at most."""
 
 
 class SearchStart(NamedTuple):
@@ -545,7 +546,7 @@ def _window_px(task: Task, design: Array) -> float:
     """Return how far the image may be off its prediction, px."""
     pose = task.prior[:POSE, :POSE]
     variance = np.einsum("mi,ij,mj->m", design[:, :POSE], pose, design[:, :POSE])
-    return min(_SIGMAS * float(np.sqrt(variance.max())) + _ROOM_PX, _MOST_WINDOW_PX)
+    return min(_SIGMAS * float(np.sqrt(variance.max())) + _ROOM_PX, MOST_WINDOW_PX)
 
 
 def _coarse(task: Task, pictures: list[Picture]) -> SearchStart:

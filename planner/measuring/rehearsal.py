@@ -25,11 +25,13 @@ from aspectgraph.entities.entity_rules import PARAMETERS, Carrier
 from aspectgraph.solid.solid import RayScene
 from errors.measurands import Circle, Line
 from ground.convert import Meta, Shape, to_plain
+from ground.faces import program_name
 from ground.short_repr import count
 from planner.argument_kinds import NOT_NEGATIVE, check_count, check_kinds, check_number
 from planner.camera.camera import Camera, tangents_of
 from planner.camera.response import LINEAR, Response
-from planner.files import staged_folder, write_text
+from planner.files import staged_folder, timestamp, write_text
+from planner.identity import PartRecord
 from planner.light.area_light import AreaLight
 from planner.light.light_plan import beside, white_share
 from planner.measuring.advice import TRUTH as TRUTH
@@ -116,6 +118,12 @@ class Truth:
         Of the plan's file, SHA-256, see `InspectionPlan.digest`; empty in older files.
     joined : dict of str to float
         True values of targets that the plan does not inspect, and that `measure` may join from several images.
+    date : str
+        When the rehearsal was made, in the form of ISO 8601 (UTC); empty in older files, as what follows.
+    program : str
+        Name and version of the program.
+    part, part_digest : str
+        The part, and the SHA-256 of its vertices and triangles as designed.
     """
 
     seed: int
@@ -130,6 +138,10 @@ class Truth:
     white_level: Annotated[int, Meta(gt=0, title="must be a number above 0")] = _WHITE
     plan_digest: str = ""
     joined: dict[str, float] = field(default_factory=dict)
+    date: str = ""
+    program: str = ""
+    part: str = ""
+    part_digest: str = ""
 
 
 class Rendered(NamedTuple):
@@ -233,6 +245,8 @@ class DeviatingPart:
     ----------
     scene : RayScene
         The part as it is.
+    largest_mm : float
+        By how much a plane is moved or tilted at most, or a radius or an axis is off, mm.
     """
 
     def __init__(self, model: PartModel, surfaces_mm: float, rng: np.random.Generator) -> None:
@@ -248,6 +262,8 @@ class DeviatingPart:
         carried = mesh.carried
         scales = np.reshape(sizes, (-1, PARAMETERS))
         self._deviations = surfaces_mm * scales * self._closed(vertices, carried, drawn, scales)
+        # where faces meet at a small angle, their corner is off by more than they are
+        self.largest_mm = float(np.abs(self._deviations).max(initial=0.0))
         moved = vertices + self._moves(vertices, carried)
         self.scene = _RoundScene(moved, mesh.triangles, mesh.walls, mesh.wall_of)
 
@@ -778,6 +794,8 @@ class Rehearsal:
     ----------
     truth : Truth
         What the images show.
+    largest_mm : float
+        By how much a plane of the part is moved or tilted at most, or a radius or an axis is off, mm.
 
     Raises
     ------
@@ -814,6 +832,7 @@ class Rehearsal:
         self._shots = measurer.shots
         self._rng = np.random.default_rng(seed)
         part = DeviatingPart(measurer.model, surfaces_mm, self._rng)
+        self.largest_mm = part.largest_mm
         poses = [self._drawn_pose(k, exact_poses) for k in range(len(plan.settings))]
         middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
         self._renderer = _Renderer(part.scene, plan.camera, middle)
@@ -833,6 +852,10 @@ class Rehearsal:
                 for name, ends in measurer.ends.items()
                 if name in plan.uninspectable
             },
+            date=timestamp(),
+            program=program_name(),
+            part=solid.name,
+            part_digest=PartRecord.of(solid).digest,
         )
 
     def __repr__(self) -> str:

@@ -31,7 +31,7 @@ from planner.measuring.registered import NumberOrNull, Registered
 from planner.measuring.response import ResponseRecord
 from planner.request.dimension import POSITIONS, plain_tolerance, zone_text
 from planner.request.words import amount_text, tolerance_text
-from planner.text_table import data_frame
+from planner.text_table import count, data_frame
 
 # Results: the readings of one target merged, its expanded uncertainty, and the decision.
 
@@ -94,17 +94,27 @@ def interval_text(interval: tuple[float, float], uncertainty: float) -> str:
     return f"{low} .. {high}"
 
 
+NOT_PLANNED = "not planned: "
+"""How the reason begins of a target that the plan does not inspect."""
+
+NOT_INSPECTED = "the plan does not inspect it: "
+"""How a note begins of such a target that images show nevertheless."""
+
+
 def verdict(results: MeasurementResults) -> str:
-    """Say in a sentence or two what was measured."""
-    measured = sum(result.measured for result in results)
+    """Say in a sentence or two how many of the planned targets were measured, and what was decided."""
+    planned = [result.measured for result in results if result.is_planned]
+    others = [result.measured for result in results if not result.is_planned]
     parts = [
         f"{n} {name if n == 1 else _SEVERAL.get(name, name)}" for name, n in results.counts.items()
     ]
-    n_targets = len(results)
-    n_images = len(results.images)
+    more = ""
+    if others:
+        values = f", {sum(others)} of them measured" if any(others) else ""
+        more = f"; {len(others)} more {'is' if len(others) == 1 else 'are'} not planned{values}"
     return (
-        f"{measured} of {n_targets} target{'s' * (n_targets != 1)} measured in "
-        f"{n_images} image{'s' * (n_images != 1)}. "
+        f"{sum(planned)} of {count(len(planned), 'planned target')} measured in "
+        f"{count(len(results.images), 'image')}{more}. "
         f"Decisions ({results.rule}): {', '.join(parts) or 'none'}."
     )
 
@@ -192,6 +202,12 @@ class Result(ShownInNotebook):
     def __post_init__(self) -> None:
         object.__setattr__(self, "deviation", self.value - self.nominal)
         object.__setattr__(self, "expanded_uncertainty", COVERAGE * self.standard_uncertainty)
+
+    @property
+    def is_planned(self) -> bool:
+        """Whether the plan inspects the target; images may show another one nevertheless."""
+        noted = any(note.startswith(NOT_INSPECTED) for note in self.notes)
+        return not noted and not self.reason.startswith(NOT_PLANNED)
 
     @property
     def measured(self) -> bool:
@@ -367,6 +383,8 @@ def qif_text(results: MeasurementResults) -> str:
     ids = _Ids()
     root = ET.Element("QIFDocument", {"xmlns": NAMESPACE, "idMax": "0", "versionQIF": "3.0.0"})
     _add(root, "QPId", _uuid(json.dumps(results.to_dict(), sort_keys=True)))
+    if results.source.date:
+        _add(_add(root, "Version"), "TimeCreated", results.source.date)
     _header(root, results)
     standard = ids.next()
     _standards(root, standard, results.rule.name)
@@ -382,7 +400,7 @@ def qif_text(results: MeasurementResults) -> str:
 def _header(root: ET.Element, results: MeasurementResults) -> None:
     header = _add(root, "Header")
     application = _add(header, "Application")
-    _add(application, "Name", f"aspectgraph {results.source.program}")
+    _add(application, "Name", results.source.program)
     part = results.source.part or "part"
     written = {result.name for result in _written(results)}
     names = [result.name for result in results if result.name not in written]
@@ -918,7 +936,7 @@ class Source:
     Attributes
     ----------
     program : str
-        The program's version.
+        Name and version of the program.
     part, part_digest : str
         The part, and the SHA-256 of its vertices and triangles.
     images : mapping of str to str

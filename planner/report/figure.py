@@ -470,7 +470,7 @@ def plan_figure(
         for k, setting in enumerate(plan.settings):
             if not time_left.fits_another():
                 break
-            chosen = space.choosing(setting.witness) if isinstance(space, TargetSpace) else space
+            chosen = TargetSpace.of_plan(space, plan).choosing(setting.witness)
             facets = domain_facets(chosen.covering_cells(list(setting.entities)), solid, frame.box)
             name = f"domains of setting {k + 1}"
             traces.append(

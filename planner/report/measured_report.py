@@ -461,7 +461,7 @@ def _facts(results: MeasurementResults) -> dict[str, str]:
         "Decision rule": str(results.rule),
         "Poses of images": _poses_text(results),
         "Grey values": _response_text(results),
-        "Program": f"aspectgraph {source.program}",
+        "Program": source.program,
         "Digest of the part": source.part_digest[:_DIGEST_DIGITS],
         "Digest of the part's file": source.part_file_sha256[:_DIGEST_DIGITS],
         "Digest of the plan": source.plan_digest[:_DIGEST_DIGITS],

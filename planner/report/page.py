@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from aspectgraph.plot.picker import LabelLayout, Spot, label_layout
 from errors.checks import percent_text, probability_text
-from ground.faces import project_version
+from ground.faces import program_name
 from ground.templates import asset, render
 from planner.argument_kinds import check_kinds, check_space
 from planner.camera.camera import Camera
 from planner.camera.pose import look_at, world_to_cam
 from planner.measuring.foreseen import with_foreseen
-from planner.progress import report
+from planner.progress import labelled, report
 from planner.report.coverage import coverage_html
 from planner.report.figure import (
     GraphPicture,
@@ -60,6 +60,7 @@ from planner.report.tables import (
     source_text,
 )
 from planner.report.wording import (
+    MORE_TIME,
     bound_sentence,
     calibration_rows,
     dark_note,
@@ -82,6 +83,7 @@ from planner.report.wording import (
     unstated_edges_text,
     window_sentence,
 )
+from planner.request.reach import TargetSpace
 from planner.request.targets import PlannedDimension, targets_of, words_of
 from planner.rows import measured_rows
 from planner.text_table import count
@@ -129,7 +131,7 @@ def facts(plan: InspectionPlan, date: str | None = None) -> dict[str, str]:
         "Camera": camera_text(plan.camera),
         "Camera pose": sigma_text(plan.pose_uncertainty.sigmas),
         "Edges": _edges(plan),
-        "Program": f"aspectgraph {project_version()}",
+        "Program": program_name(),
         "Date": date or "",
         "Operator": "" if plan.made is None else plan.made.operator,
     }
@@ -654,7 +656,7 @@ class Report:
 
 def report_html(
     plan: InspectionPlan,
-    space: Space,
+    space: Space | Solid,
     progress: Progress | None = None,
     notes: Sequence[str] = (),
     *,
@@ -669,8 +671,9 @@ def report_html(
     ----------
     plan : InspectionPlan
         The plan, with or without the result of its simulation.
-    space : VisibilityRegions or EntityAspectGraph
-        Gives the part and the viewing domains.
+    space : Solid, VisibilityRegions or EntityAspectGraph
+        The part, whose viewing domains are then computed. Or regions that hold the entities of the plan's targets,
+        such as those of `plan_inspection`: they need not be computed again.
     progress : callable, optional
         ``progress(done, total, label)``.
     notes : sequence of str
@@ -697,13 +700,10 @@ def report_html(
 
     Examples
     --------
+    >>> from aspectgraph import read_solid
     >>> from planner import read_plan, report_html
     >>> plan = read_plan("examples/two_pocket_block_plan.json")
-    >>> from aspectgraph import read_solid
-    >>> block = read_solid("examples/two_pocket_block.off")
-    >>> from aspectgraph import compute_regions
-    >>> regions = compute_regions(block, plan.entities, workspace=plan.workspace)
-    >>> page = report_html(plan, regions)
+    >>> page = report_html(plan, read_solid("examples/two_pocket_block.off"))
     >>> "two_pocket_block" in page
     True
     """
@@ -715,7 +715,7 @@ def report_html(
 
 def make_report(
     plan: InspectionPlan,
-    space: Space,
+    space: Space | Solid,
     progress: Progress | None = None,
     notes: Sequence[str] = (),
     *,
@@ -724,7 +724,7 @@ def make_report(
     cell: Cell | None = None,
 ) -> Report:
     """Return the report of a plan, still without its joint graph; takes what `report_html` takes."""
-    _check_arguments(plan, space)
+    space = _space_of(plan, space, progress)
     if not plan.foreseen and until == math.inf:
         # a plan of an older file does not hold them
         plan = with_foreseen(plan, space.solid)
@@ -776,9 +776,24 @@ def make_report(
     return Report(plan, sections, values, list(notes))
 
 
-def _check_arguments(plan: object, space: object) -> None:
+def _space_of(plan: InspectionPlan, space: Space | Solid, progress: Progress | None) -> Space:
+    """Return where a plan's targets are observable from; the regions of a part are computed."""
+    from aspectgraph import Solid, compute_regions
+
     check_kinds(plan=(plan, "InspectionPlan"))
-    check_space(space)
+    if not isinstance(space, Solid):
+        check_space(space, may_be_part=True)
+        return TargetSpace.of_plan(space, plan)
+    records = {
+        record.name: record
+        for target in plan.targets.values()
+        for witness in target.witnesses
+        for record in witness.records
+    }
+    entities = {name: record.entity_of(space) for name, record in records.items()}
+    shown = labelled(progress, "visible regions")
+    regions = compute_regions(space, entities, workspace=plan.workspace, progress=shown)
+    return TargetSpace.of_plan(regions, plan)
 
 
 def _nouns(plan: InspectionPlan) -> tuple[str, str]:
@@ -814,7 +829,8 @@ def _more(plan: InspectionPlan) -> str:
 
 def _run_notices(plan: InspectionPlan) -> list[Notice]:
     """Return what the plan does not promise, because of how it was made."""
-    texts = {"Planning": unfinished_sentence(plan), "Light": unlit_sentence(plan)}
+    early = f"{unfinished_sentence(plan)} {MORE_TIME}" if plan.unfinished else ""
+    texts = {"Planning": early, "Light": unlit_sentence(plan)}
     return [Notice(head, [(f": {text}", ())]) for head, text in texts.items() if text]
 
 

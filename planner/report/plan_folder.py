@@ -28,14 +28,13 @@ from planner.plan import InspectionPlan
 from planner.progress import TimeIsUpError, report
 from planner.report.page import make_report
 from planner.report.wording import graph_sentence, regions_sentence
-from planner.request.reach import Seen, TargetSpace
+from planner.request.reach import TargetSpace
 from planner.resume import holds_plan
 from planner.sensor_setting import image_name
 
 if TYPE_CHECKING:
     from aspectgraph import EntityAspectGraph, VisibilityRegions
     from planner.progress import Progress
-    from planner.request.reach import Space
     from planner.robotcell import Cell
 
 # A folder that one process writes to at a time: another one is refused, and told who has it and
@@ -561,14 +560,16 @@ def with_source(
         Options of `aspectgraph.read_solid`; those that are None are left out.
     """
     path = absolute(part)
+    from_folder = {"relative_to": "the folder of this file"}
     try:
         name = Path(os.path.relpath(path, absolute(folder))).as_posix()
     except (OSError, ValueError):
         # on another drive
         name = str(path)
+        from_folder = {}
     options = {key: value for key, value in reading.items() if value is not None}
     # names of files need not be Unicode
-    return replace(plan, source={"file": name_text(name), **options})
+    return replace(plan, source={"file": name_text(name), **from_folder, **options})
 
 
 # the plan first: see `staged_folder`
@@ -635,7 +636,7 @@ def write_outputs(
         plan.write(staging / "plan.json")
         page = make_report(
             plan,
-            _space(plan, regions),
+            TargetSpace.of_plan(regions, plan),
             progress,
             [*notes, *without],
             date=(timestamp() if plan.made is None else plan.made.date).partition("T")[0],
@@ -722,19 +723,6 @@ def _observable_shares(regions: VisibilityRegions) -> tuple[dict[str, float], in
     seen = regions.observable(np.random.default_rng(0).uniform(low, high, (_PLACES, 3)))
     return dict(zip(regions.entity_names, seen.mean(axis=0).tolist(), strict=True)), int(
         seen.sum(axis=1).max()
-    )
-
-
-def _space(plan: InspectionPlan, regions: Space) -> Space:
-    """Return where the targets of a plan are observable from, without those whose regions were late."""
-    names = set(regions.entity_names)
-    return TargetSpace(
-        regions,
-        {
-            name: Seen(target.ways, plan.entities[name])
-            for name, target in plan.targets.items()
-            if all(names.issuperset(way) for way in target.ways)
-        },
     )
 
 

@@ -165,6 +165,10 @@ def cost_sentence(about: JointEstimate, n: int) -> str:
     )
 
 
+MORE_TIME = "The same command with --resume continues; a larger --time-limit gives more time."
+"""What to do about a planning that was ended early."""
+
+
 def unfinished_sentence(plan: InspectionPlan) -> str:
     """Say what a planning that was ended before its end may have missed; empty of one that was not."""
     if not plan.unfinished:

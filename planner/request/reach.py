@@ -526,6 +526,21 @@ class TargetSpace:
             },
         )
 
+    @classmethod
+    def of_plan(cls, space: Space, plan: Any) -> TargetSpace:
+        """Return where a plan's targets are observable from, without those whose regions the space does not hold."""
+        if isinstance(space, TargetSpace):
+            return space
+        names = set(space.entity_names)
+        return cls(
+            space,
+            {
+                name: Seen(target.ways, plan.entities[name])
+                for name, target in plan.targets.items()
+                if all(names.issuperset(way) for way in target.ways)
+            },
+        )
+
     @property
     def nearby(self) -> TargetSpace:
         """The space that is asked of the points around a viewpoint, see `nearby_space`."""

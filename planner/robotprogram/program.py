@@ -10,6 +10,7 @@ from typing import Annotated, Any, Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from errors.checks import probability_text
 from ground.convert import (
     FROM_ONE,
     NOT_STORED,
@@ -20,6 +21,7 @@ from ground.convert import (
     from_plain,
     to_plain,
 )
+from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
 from ground.short_repr import count
 from planner.argument_kinds import shown
 from planner.exceptions import PlanFileError
@@ -187,6 +189,8 @@ LEAST_SPEED = 0.001
 
 TURNTABLE = "turntable"
 """Name of the column of its angle."""
+# what a notebook shows of a program
+_SHOWN_STOPS = 12
 _UNITS = {"joints": "rad", "time": "s", "length": "mm", "flange": "tip to base"}
 
 
@@ -396,7 +400,7 @@ class HomeStart:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class RobotProgram:
+class RobotProgram(ShownInNotebook):
     """What a robot drives to take the images of a plan.
 
     **Guarantee.** Every row of joints is within the limits. Every move between two rows is straight
@@ -503,6 +507,31 @@ class RobotProgram:
             f"{fixturings} {names or 'none'}, moves {self.seconds:.1f} s>"
         )
 
+    def _notebook_view(self) -> NotebookView:
+        """Return a table of the stops in the order of the visits, and what to look at before driving."""
+        stops = [(tour, stop) for tour in self.tours for stop in tour.stops]
+        rows = [_stop_row(tour, stop) for tour, stop in stops[:_SHOWN_STOPS]]
+        total = self.n_stops + len(self.unreached)
+        verdict = f"The program visits {self.n_stops} of {count(total, 'setting')}."
+        detours = sum(move.is_detour for tour in self.tours for move in tour.moves)
+        around = f", {count(detours, 'move')} around something" if detours else ""
+        drive = (
+            f"{count(len(self.tours), 'round')} from home to home, moves {self.seconds:.1f} s at "
+            f"{100 * self.speed:.3g} % of the joints' speeds{around}; all keep {self.keep_mm:g} mm."
+        )
+        more = len(stops) - len(rows)
+        note = f"and {more} more: program.tours holds all." if more else ""
+        headings = ("part lies", "setting", "joints (degrees)", "move (s)", "smallest P")
+        items = {f"setting {k + 1} is not reached": why for k, why in self.unreached.items()}
+        items |= {f"setting {k + 1} has another pose": text for k, text in self.replaced.items()}
+        items |= {f"warning {n}": text for n, text in enumerate(self.warnings, start=1)}
+        return NotebookView(
+            f"Program of {self.part or 'a part'} for {self.robot}",
+            (Toned(verdict, "good" if self.complete else "bad"), drive),
+            NotebookTable(headings, rows, right=(1, 3, 4), note=note),
+            items,
+        )
+
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, RobotProgram):
             return NotImplemented
@@ -583,6 +612,14 @@ class RobotProgram:
             With format, version and units. Settings count from 1, as in the names of images.
         """
         return to_plain(self)
+
+
+def _stop_row(tour: FixturedTour, stop: Stop) -> tuple[Any, ...]:
+    """Return what a notebook shows of a stop; no probability if the arm's uncertainty was not given."""
+    angles = ", ".join(f"{angle:.1f}" for angle in np.round(np.degrees(stop.joints), 1) + 0.0)
+    smallest = min(stop.probability.values(), default=None)
+    stated = "" if smallest is None else probability_text(smallest)
+    return (tour.fixturing, stop.setting_idx + 1, angles, f"{stop.move.seconds:.1f}", stated)
 
 
 # What a person should look at before driving a program.

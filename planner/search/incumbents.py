@@ -473,7 +473,7 @@ def _ordered(
 
 
 # of entities that have neither a pose nor a reason for that yet
-_NOT_YET = Reason.of(ReasonKind.NOT_FOUND_YET, "planning stopped early.")
+_NOT_YET = Reason.of(ReasonKind.NOT_FOUND_YET, "planning stopped early. More time may find one.")
 
 _LATE = Reason.of(
     ReasonKind.NOT_FOUND_YET,

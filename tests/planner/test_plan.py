@@ -74,6 +74,7 @@ def test_a_plan_says_when_and_of_what_it_was_made(tmp_path, monkeypatch):
     original = plan()
     made = replace(original, made=Made.now(original.request, "0" * 64, "A. Meyer"))
     assert made.made.date == "1970-01-02T00:00:00Z"
+    assert re.fullmatch(r"aspectgraph \S+", made.made.program)
     made.write(tmp_path / "plan.json")
     again = read_plan(tmp_path / "plan.json")
     assert again.made == made.made

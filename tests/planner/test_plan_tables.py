@@ -3,13 +3,19 @@
 import csv
 import io
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from plan_examples import plan, setting
+from plan_examples import LIGHT, plan, setting
 from scipy.spatial.transform import Rotation
 
+from errors.checks import probability_text
+from planner import read_plan
 from planner.exceptions import OutputError
+from planner.report.wording import light_sentence
+from planner.sensor_setting import Foreseen
+from planner.text_table import digits_text
 
 
 def test_a_row_per_setting_and_entity_then_what_is_not_inspected():
@@ -108,9 +114,70 @@ def test_notebooks_show_a_table_with_names_escaped():
     assert "&lt;script&gt;" in html
     assert "x&lt;y: 1 of 2 inspected in 1 setting (at least 1 needed), A = 0.98, P ≥ 0.9" in html
     assert "<li>b&amp;d: &lt;no&gt;</li>" in html
-    assert html.count("<tr>") == 2
+    # a heading and a row of the settings, and the same of what they measure
+    assert html.count("<tr>") == 4
     assert "40.0, -180.0, 620.0" in html
     assert "0.9500" in html
+
+
+def cells_of(html):
+    """Texts of the rows of all tables of a view."""
+    return [re.findall("<td[^>]*>([^<]*)</td>", row) for row in re.findall("<tr>(.*?)</tr>", html)]
+
+
+def test_notebooks_show_each_dimension_with_its_tolerance_u_and_p():
+    found = read_plan("examples/measured/plan.json")
+    cells = {row[0]: row for row in cells_of(found._repr_html_()) if row}
+    assert list(found.targets) == [name for name in cells if name in found.targets]
+    for name in found.targets:
+        row = max((r for r in found.rows() if r["name"] == name), key=lambda r: r["p_all"])
+        u = digits_text(2 * row["standard_uncertainty"], 2)
+        texts = [probability_text(row[key], found.probability) for key in ("p_all", "probability")]
+        stated = [html_of(text) for text in texts]
+        assert cells[name][2:] == [f"{u} mm", *stated]
+    assert cells["slot_width"][1] == "distance 50 mm ±0.3"
+
+
+def html_of(text):
+    return text.replace(">", "&gt;")
+
+
+def test_notebooks_show_the_u_that_measure_will_state():
+    found = read_plan("examples/measured/plan.json")
+    (setting,) = [k for k, made in enumerate(found.settings) if "bore_25" in made.entities]
+    stated = Foreseen("bore_25", setting, 0.1875, 0.25, 0.5, True)
+    html = replace(found, foreseen=(stated,))._repr_html_()
+    assert [row[2] for row in cells_of(html) if row[:1] == ["bore_25"]] == ["0.19 mm"]
+
+
+def test_notebooks_show_the_first_targets_of_a_long_plan():
+    names = [f"edge {k}" for k in range(20)]
+    found = plan(
+        settings=[setting((40.0, -180.0, 620.0), names)],
+        entities={name: [[0, k, 0], [80, k, 0]] for k, name in enumerate(names)},
+        uninspectable={},
+    )
+    html = found._repr_html_()
+    shown = [row[0] for row in cells_of(html) if row and row[0] in names]
+    assert shown == names[:12]
+    assert "and 8 more: plan.rows() and plan.to_dataframe() list all." in html
+    assert " more: " not in plan()._repr_html_()
+    length = [row[1] for row in cells_of(html) if row[:1] == ["edge 0"]]
+    assert length == ["length 80.000 mm, error up to 2 %"]
+
+
+def test_notebooks_show_where_lamps_are():
+    html = replace(plan(), light=LIGHT)._repr_html_()
+    headings = re.findall("<th[^>]*>([^<]*)</th>", html)
+    column = headings.index("lamp at (mm)")
+    for k, images in enumerate(LIGHT.images):
+        lamps = [LIGHT.lamps[lamp] for image in images for lamp in image.lamps]
+        text = "; ".join(", ".join(f"{c:.1f}" for c in lamp) for lamp in lamps)
+        assert cells_of(html)[k + 1][column] == text
+    assert light_sentence(replace(plan(), light=LIGHT)) in html
+    dark = plan()._repr_html_()
+    assert "lamp at (mm)" not in dark
+    assert "Light is not planned, so nothing is promised of contrast." in dark
 
 
 def test_a_simulated_plan_shows_the_smallest_frequency():

@@ -212,7 +212,7 @@ def read_step(
     angular_tolerance_deg: float | None = None,
     planarity_mm: float | None = None,
     gap_mm: float | None = None,
-    solids: Sequence[int | str] | SolidChoice | None = None,
+    solids: int | str | Sequence[int | str] | SolidChoice | None = None,
     name: str = "",
     limits: ReadLimits | None = None,
 ) -> Solid:
@@ -232,7 +232,7 @@ def read_step(
         Facets this close to one plane become one face; see `assemble`.
     gap_mm : float, optional
         How far apart vertices, edges and faces that should meet may lie; default: by the rule of `step_fit`.
-    solids : sequence of int or str, or SolidChoice, optional
+    solids : int, str, sequence of them, or SolidChoice, optional
         Which solids of the file to read, by their names, or counted from 0 in the order of the file, damaged ones
         included; default: all. Solids that touch become one body.
     name : str

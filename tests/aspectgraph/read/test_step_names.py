@@ -97,6 +97,9 @@ def test_list_states_names_sizes_and_places(assembly, monkeypatch):
     [
         (["Gehäuse, groß"], (30, 20, 10)),
         (["inst1"], (5, 5, 6)),
+        ("Gehäuse, groß", (30, 20, 10)),
+        ("twin:2", (9, 8, 7)),
+        (SolidChoice("inst1", ["12:all"]), (62, 63, 46)),
         (["group-50/pin-2"], (2, 3, 4)),
         (["twin:2"], (9, 8, 7)),
         (["12:all"], (62, 3, 4)),
@@ -127,8 +130,10 @@ def test_wrong_names_are_refused_with_the_list(assembly, monkeypatch):
         read_solid(assembly, solids=[12])
     with pytest.raises(ReadError, match="occluders must name solids"):
         read_solid(assembly, solids=SolidChoice([0], ["nut"]))
-    with pytest.raises(ReadError, match=r"solids must be a list of numbers or names\. Got 'twin'"):
-        read_solid(assembly, solids="twin")
+    # one name is refused like a list of it
+    with pytest.raises(ReadError, match=r"solids must name solids of the file.*'Gehause'"):
+        read_solid(assembly, solids="Gehause")
+    assert read_solid(assembly, solids=0).file_solids.measured == (0,)
     with pytest.raises(ReadError, match="each solid once"):
         read_solid(assembly, solids=["inst0", "Gehäuse, groß"])
 

@@ -467,7 +467,7 @@ def test_a_part_that_another_process_plans_is_tried_again(parts, request_, tmp_p
     (planned,) = plan_folder(parts, out, request_)
     assert planned.status == "planned"
     stored = read_plan(out / "a.off" / "plan.json").source
-    assert stored == {"file": "../../parts/a.off"}
+    assert stored == {"file": "../../parts/a.off", "relative_to": "the folder of this file"}
 
 
 def test_files_of_somebody_else_stay(parts, request_, tmp_path):

@@ -234,6 +234,8 @@ def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
     out, err = capsys.readouterr()
     assert "Planning stopped early. A longer run may" in " ".join(out.split())
     assert "The same command with --resume continues from here." in out
+    # it was no limit that ended it
+    assert "ended the planning" not in out
     lines = err.splitlines()
     assert lines[-1] == "aspectgraph: interrupted; 'plan' with --resume continues from here"
     best = read_plan(folder / "other" / "plan.json")
@@ -638,7 +640,11 @@ def test_time_limit_and_gap_end_a_plan(folder, quick, capsys):
     assert len(lines) == 1
     assert f"{len(best.settings)} setting" in lines[0]
     assert "The same command with --resume continues from here." in out
-    assert "stopped early" in (folder / "out" / "report.html").read_text()
+    more = "The time limit of 0.001 s ended the planning; a larger --time-limit may give more."
+    assert more in " ".join(out.split())
+    page = (folder / "out" / "report.html").read_text()
+    assert "stopped early" in page
+    assert "continues; a larger --time-limit gives more time." in page
     assert main([*PLAN, "--simulate", "100", "--resume", "--json"]) == DONE
     record = json.loads(capsys.readouterr().out)["plan"]
     assert "unfinished" not in record

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -58,7 +59,7 @@ def given(folder, name="poses.json"):
 def test_a_good_part_conforms(folder, capsys):
     assert run(folder, "good", *given(folder), "--serial", "N0012") == 0
     out = capsys.readouterr().out
-    assert "1 of 1 target measured in 2 images" in out
+    assert "1 of 1 planned target measured in 2 images" in out
     data = json.loads((folder / "out" / "results.json").read_text())
     assert data["serial"] == "N0012"
     # what sha256sum prints
@@ -92,8 +93,13 @@ def test_json(folder, capsys):
         ),
         ("good", ["--coverage", "0"], "--coverage must be in (0, 1]. Got 0."),
         ("good", ["--surfaces-mm", "-1"], "--surfaces-mm must be finite and not negative. Got -1."),
+        (
+            "good",
+            ["--surfaces-mm", "50"],
+            "--surfaces-mm must be at most 9.7 mm, which are 60 px of",
+        ),
     ],
-    ids=["no folder", "no poses", "coverage", "surfaces"],
+    ids=["no folder", "no poses", "coverage", "surfaces", "far surfaces"],
 )
 def test_bad_input(folder, capsys, images, more, message):
     assert run(folder, images, *more, out="bad") == 2
@@ -321,6 +327,31 @@ def test_a_rehearsal_without_deviations_says_so(folder, capsys, tmp_path, more, 
         "the plan states no deviation of faces, so the part is rendered as designed; --surfaces-mm"
     )
     assert capsys.readouterr().err.count(note) == n
+
+
+@pytest.mark.parametrize(
+    ("more", "text"),
+    [
+        ((), "0.02 mm, the largest that the plan states; --surfaces-mm states another"),
+        (("--surfaces-mm", "0.2"), "0.2 mm, as --surfaces-mm states"),
+    ],
+)
+def test_a_rehearsal_says_how_far_the_part_deviates(folder, capsys, more, text):
+    words = [
+        "render",
+        str(folder / "plan.json"),
+        "--part",
+        str(folder / "plate.off"),
+        "--units",
+        "mm",
+    ]
+    assert main([*words, "--out", str(folder / f"drawn{len(more)}"), *more]) == 0
+    told = capsys.readouterr().err
+    largest, rest = re.search(r"faces of the part deviate by up to (\S+) mm, (.*)", told).groups()
+    assert rest == f"drawn with a standard deviation of {text}"
+    sigma = float(text.split()[0])
+    # of so many faces, one is off by more than a standard deviation, and none by six
+    assert sigma < float(largest) < 6 * sigma
 
 
 def test_measuring_says_which_image_it_is_at(folder, capsys):

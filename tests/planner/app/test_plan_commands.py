@@ -740,7 +740,8 @@ def test_a_plan_made_again_is_the_same_byte_for_byte(planned_again, tmp_path):
     for name in ("plan.json", "measurements.csv", "poses_opencv.json"):
         assert (moved / "again" / name).read_bytes() == (planned_again / "plan" / name).read_bytes()
     found = read_plan(moved / "again" / "plan.json")
-    assert found.source == {"file": "../block.off", "units": "mm"}
+    folder = "the folder of this file"
+    assert found.source == {"file": "../block.off", "relative_to": folder, "units": "mm"}
     assert found.light is not None
     assert found.seed == 3
 

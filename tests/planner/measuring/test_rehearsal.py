@@ -14,6 +14,7 @@ from plan_examples import changed, planned_dimension
 from aspectgraph import Solid, read_solid
 from errors.measurands import Line
 from ground.convert import from_plain
+from ground.faces import program_name
 from planner import (
     Camera,
     Dimension,
@@ -30,6 +31,7 @@ from planner.exceptions import PlanFileError
 from planner.inspection import with_light
 from planner.measuring.measurer import Measurer
 from planner.measuring.rehearsal import CHORD_MM, DeviatingPart, Truth
+from planner.measuring.seen_breaks import pixel_mm
 from planner.sensor_setting import Reason
 
 TARGETS = ("left", "right", "apart", "width")
@@ -175,6 +177,20 @@ def test_images_of_another_plan_are_noted(plate, plan, tmp_path):
     assert note.startswith("the images were rendered for another plan: truth.json beside them")
     assert digest[:12] in note
     assert other.digest[:12] in note
+    # what is missing is then no part of this plan's images, so nothing advises to leave it out
+    (tmp_path / "setting_02.png").unlink()
+    with pytest.raises(
+        RequestError, match=r"Got no setting_02; the images were rendered"
+    ) as caught:
+        measure(other, plate, tmp_path)
+    assert "partial" not in str(caught.value)
+    with pytest.raises(RequestError, match=r"Got no setting_02; partial=True measures"):
+        measure(plan, plate, tmp_path)
+    (tmp_path / "setting_03.png").write_bytes((tmp_path / "setting_01.png").read_bytes())
+    with pytest.raises(RequestError, match=r"does not take; they may be of another plan"):
+        measure(plan, plate, tmp_path)
+    (tmp_path / "setting_03.png").unlink()
+    Rehearsal(plan, plate, seed=1).write(tmp_path)
     (tmp_path / "truth.json").write_text("no JSON")
     assert not [note for note in measure(other, plate, tmp_path).notes if "rendered" in note]
 
@@ -286,6 +302,20 @@ def test_true_values_are_those_of_the_part_that_rays_meet(plate, plan):
     assert 2 * radii.mean() == pytest.approx(part.value("left", plan.targets["left"]), abs=0.004)
 
 
+def test_true_values_state_date_program_and_digests(plate, plan, tmp_path, monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
+    Rehearsal(plan, plate).write(tmp_path)
+    data = json.loads((tmp_path / "truth.json").read_text())
+    assert data["date"] == "1970-01-02T00:00:00Z"
+    assert data["program"] == program_name()
+    assert data["part"] == plan.request.part.name
+    assert data["part_digest"] == plan.request.part.digest
+    assert data["plan_digest"] == plan.digest
+    # files of older releases lack them
+    older = {k: v for k, v in data.items() if k not in ("date", "program", "part", "part_digest")}
+    assert from_plain(Truth, older, PlanFileError).date == ""
+
+
 def test_the_same_seed_gives_the_same_files(plate, plan, tmp_path):
     for name in ("first", "again", "other"):
         Rehearsal(plan, plate, seed=int(name == "other")).write(tmp_path / name)
@@ -337,3 +367,19 @@ def test_a_sheet_that_deviates_by_pixels_is_registered():
     assert size.measured, size.reason
     truth = rehearsal.truth.values["setting_01"]["size"]
     assert abs(size.value - truth) <= 2 * size.standard_uncertainty
+
+
+def test_faces_that_deviate_by_more_than_images_tell(plate, plan, tmp_path):
+    """Beyond the widest search it is refused; beyond what is taken for no knowledge, a note says what it does to U."""
+    Rehearsal(plan, plate, seed=1).write(tmp_path)
+    poses = [setting.cam2world for setting in plan.settings]
+    pixel = pixel_mm(plan.camera, plate, poses)
+    usual = measure(plan, plate, tmp_path, registration=Registration.own_edges(0.05))
+    wide = measure(plan, plate, tmp_path, registration=Registration.own_edges(20 * pixel))
+    (note,) = [note for note in wide.notes if note.startswith("faces are stated to deviate by")]
+    assert "20 px of these images" in note
+    assert not [note for note in usual.notes if "stated to deviate" in note]
+    for result in usual:
+        assert wide[result.name].standard_uncertainty > 1.5 * result.standard_uncertainty
+    with pytest.raises(RequestError, match=r"^surfaces_mm must be at most .* which are 60 px"):
+        measure(plan, plate, tmp_path, registration=Registration.own_edges(61 * pixel))

@@ -34,6 +34,7 @@ from plan_examples import changed, witness
 from scipy.ndimage import map_coordinates
 
 from errors.measurands import Decision, DecisionRule, Line
+from ground.faces import program_name
 from planner import (
     LightPlan,
     LitImage,
@@ -522,6 +523,8 @@ def test_results_say_when_by_whom_and_with_what(solid, images, exact, monkeypatc
     assert source.camera == plan.camera
     root = ET.fromstring(qif_text(results))
     assert first(root, "InspectionEnd").text == "1970-01-02T00:00:00Z"
+    assert first(root, "TimeCreated").text == "1970-01-02T00:00:00Z"
+    assert first(root, "Application")[0].text == program_name()
     assert first(root, "InspectionOperator")[0].text == "A. Meyer"
     assert faults(qif_text(results)) == []
     page = measured_html(results)

@@ -20,6 +20,7 @@ from measured_plate import (
 
 from planner import Dimension, MeasureOptions, Measurer, Registration, look_at, measure
 from planner.measuring.registered import displaced
+from planner.measuring.results import verdict
 from planner.report.measured_report import measured_html
 from planner.request.resolve import resolve_wanted
 
@@ -72,6 +73,11 @@ def test_a_width_that_no_image_shows_is_read_from_two(results):
     assert abs(width.deviation - 0.08) <= width.expanded_uncertainty
     assert any("no image shows all of it" in note for note in width.notes)
     assert f"the plan does not inspect it: {WHY}" in width.notes
+    assert [result.name for result in results if result.is_planned] == ["left", "right"]
+    counts = (
+        "2 of 2 planned targets measured in 2 images; 2 more are not planned, 2 of them measured."
+    )
+    assert verdict(results).startswith(counts)
     assert f"setting_02, {back} alone: 50." in measured_html(results)
     # the budget is that of the sum
     assert sum(width.budget.values()) == pytest.approx(width.standard_uncertainty**2)

@@ -66,6 +66,18 @@ def test_one_reason_of_targets_that_are_not_planned_is_said_last_and_once():
     assert f"{why}." not in page
     headings = re.findall(r'<section class="target" id="[^"]*"><h3>([^<]*?) <', page)
     assert headings == ["left", "right, apart"]
+    lead = '<p class="lead">1 of 1 planned target measured in 2 images; 2 more are not planned. '
+    assert lead in page
+
+
+def test_the_values_stand_between_the_verdict_and_the_notes(results):
+    some = replace(results.results["left"], name="short", reason="too few points")
+    page = measured_html(
+        replace(results, results={**results.results, "short": some}, notes=("lens unknown",))
+    )
+    verdict = page.index('<p class="lead">2 of 3 planned targets measured in 2 images. ')
+    assert verdict < page.index("<table") < page.index("note: lens unknown")
+    assert page.index("</table>") < page.index('<p class="note">') < page.index('class="facts"')
 
 
 def test_nothing_outside_the_page_is_needed(page):

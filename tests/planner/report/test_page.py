@@ -24,9 +24,9 @@ from rimmed_solids import PITCH, PlateBuilder
 from scipy.spatial.transform import Rotation
 
 import planner
-from aspectgraph import Solid, build_aspect_graph, compute_regions
+from aspectgraph import Solid, build_aspect_graph, compute_regions, read_solid
 from errors.measurands import Circle, Localisation
-from planner import Lighting, LightPlan, LitImage, look_at
+from planner import Lighting, LightPlan, LitImage, look_at, read_plan
 from planner.files import timestamp
 from planner.identity import PartRecord
 from planner.plan import InspectionPlan
@@ -340,6 +340,20 @@ def plate_report(n_columns):
     )
     targets = TargetSpace.of(space, planned.targets.values())
     return report_html(planned, targets), len(dimensions)
+
+
+def test_a_plan_of_dimensions_is_reported_from_its_part_and_from_its_regions():
+    """The part suffices. Regions under the ids of the entities give the same page."""
+    solid = read_solid("examples/nist_ctc_01_ap242.stp")
+    made = read_plan("examples/measured/plan.json")
+    page = report_html(made, solid)
+    assert "4 of 4 dimensions are measured from 2 camera poses" in page
+    ids = [name for target in made.targets.values() for name in target.entities]
+    regions = compute_regions(solid, ids, workspace=made.workspace)
+    assert regions.entity_names == tuple(ids)
+    assert report_html(made, regions) == page
+    names = [trace.name for trace in made.plot(solid, regions).data]
+    assert {"domains of setting 1", "domains of setting 2"} <= set(names)
 
 
 def test_a_report_grows_by_at_most_10_kb_a_target():

@@ -25,6 +25,7 @@ from planner.report.plan_folder import (
     _joint_graph,
     folder_lock,
 )
+from planner.request.reach import TargetSpace
 
 _HOLDER = """
 import os, sys, time
@@ -235,5 +236,5 @@ def test_a_report_of_targets_whose_regions_were_late(regions):
     names = list(plan.entities)
     solid = read_solid("examples/two_pocket_block.off")
     known = compute_regions(solid, {names[0]: plan.entities[names[0]]}, workspace=plan.workspace)
-    space = plan_folder._space(plan, known)
+    space = TargetSpace.of_plan(known, plan)
     assert list(space.entity_names) == names[:1]

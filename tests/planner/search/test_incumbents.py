@@ -208,7 +208,9 @@ def test_what_has_no_view_yet_is_said_to_have_none_yet(space, monkeypatch):
     assert incumbent.complete
     first = told[0]
     assert first.uninspectable
-    assert set(first.uninspectable.values()) == {"no view found yet: planning stopped early."}
+    assert set(first.uninspectable.values()) == {
+        "no view found yet: planning stopped early. More time may find one."
+    }
     assert first.lower_bound == 1
 
 
