@@ -329,7 +329,9 @@ _FIRST = 2
 # but not for more segments than so many
 _MANY_NEAR = 200
 _FEWER = 0.7
-_MOST_SPANS = 64
+_MOST_SPANS = 4000
+# and not where that is too many pairs of a line that is asked for and one of the part
+_MOST_CELLS = 2_000_000
 # distances from curves may be said to be less than they are by so many px
 _SAG_PX = 0.05
 # length of a line as it is seen, rad, up to which it leads away from another one at its end: less than π / 2
@@ -569,50 +571,71 @@ class ImageCheck:
         if min(len(cam2world), len(pairs)) < _MANY_NEAR:
             return every, everything
         groups = looked.groups(pairs[:, 1])
-        if len(groups.line) > _MOST_SPANS:
+        lines, owner = np.unique(groups.line, return_inverse=True)
+        n_contours = len(part.contours.ids)
+        if len(lines) * n_contours > _MOST_CELLS or len(groups.line) > _MOST_SPANS:
             return every, everything
         vicinity = part.pieces.around(cam2world)
         if vicinity is None:
             return every, everything
-        near = self._may_show(vicinity, groups, looked.lines.relations, reach)
-        is_hopeful: NDArray[np.bool_] = np.asarray(near.any(axis=1))
+        near = self._may_show(vicinity, groups.spans, owner, looked.lines.relations[lines], reach)
+        is_hopeful = np.array([len(beside) > 0 for beside in near], bool)
         hopeful = np.flatnonzero(is_hopeful[groups.of])
-        beside = np.flatnonzero(near.any(axis=0))
-        if len(beside) > _FEWER * len(part.contours.ids):
+        is_beside = np.zeros(n_contours, bool)
+        is_beside[np.concatenate(near)] = True
+        if is_beside.sum() > _FEWER * n_contours:
             return hopeful, everything
-        return hopeful, part.some(beside, looked, groups.line)
+        return hopeful, part.some(np.flatnonzero(is_beside), looked, groups.line)
 
     def _may_show(
-        self, vicinity: Vicinity, groups: _Groups, relations: NDArray[np.uint8], reach: float
-    ) -> NDArray[np.bool_]:
-        """Return which contours (g, m) may show near what is asked; what is known already is not looked for again."""
+        self,
+        vicinity: Vicinity,
+        spans: Array,
+        owner: NDArray[np.int64],
+        relations: NDArray[np.uint8],
+        reach: float,
+    ) -> list[NDArray[np.int64]]:
+        """Return which contours may show near each of some segments; what is known already is not looked for again."""
         limits = (reach, self._near_own_px, *self._stretches, *self._scale[:2].tolist())
+        of_owner = [row.tobytes() for row in relations]
         keys = [
-            (span.tobytes(), relations[line].tobytes(), *limits)
-            for span, line in zip(groups.spans, groups.line, strict=True)
+            (span.tobytes(), of_owner[row], *limits)
+            for span, row in zip(spans, owner.tolist(), strict=True)
         ]
         new = [g for g, key in enumerate(keys) if key not in vicinity.known]
         if new:
-            rows = self._near_lines(vicinity, groups.spans[new], relations[groups.line[new]], reach)
+            rows = self._near_lines(vicinity, spans[new], owner[new], relations, reach)
             vicinity.known.update(zip([keys[g] for g in new], rows, strict=True))
-        return np.array([vicinity.known[key] for key in keys])
+        return [vicinity.known[key] for key in keys]
 
     def _near_lines(
-        self, vicinity: Vicinity, spans: Array, relations: NDArray[np.uint8], reach: float
-    ) -> NDArray[np.bool_]:
-        """Return which contours (g, m) may show near segments, beyond what is excepted at common ends."""
+        self,
+        vicinity: Vicinity,
+        spans: Array,
+        owner: NDArray[np.int64],
+        relations: NDArray[np.uint8],
+        reach: float,
+    ) -> list[NDArray[np.int64]]:
+        """Return which contours may show near each of some segments, beyond what is excepted at common ends."""
         scale = np.abs(self._scale[:2])
         angle = (reach + _SAG_PX * self._stretches[1]) * self._stretches[0] / float(scale.min())
         may_show = vicinity.may_show(self._part.showing)
-        near = vicinity.lines_near(spans, angle, may_show & (relations != OWN))
+        of, line = vicinity.lines_near(spans, owner, angle, may_show & (relations != OWN))
+        clear = self._lead_away(vicinity, spans[of], line, angle)
+        clear &= relations[owner[of], line] == CONNECTED
+        return np.split(line[~clear], np.searchsorted(of[~clear], np.arange(1, len(spans))))
+
+    def _lead_away(
+        self, vicinity: Vicinity, spans: Array, line: NDArray[np.int64], angle: float
+    ) -> NDArray[np.bool_]:
+        """Return which contours (q,) leave an end of their segment (q, 2, 3) and are clear of it where that counts."""
+        scale = np.abs(self._scale[:2])
+        leads = np.zeros(len(line), bool)
         contours = self._part.contours
-        straight = self._part.pieces.bulge_mm == 0.0
-        group, line = np.nonzero(near & (relations == CONNECTED) & straight)
-        # a line that leaves an end of a straight segment
         tips = contours.vertices[contours.ends[line]]
-        spans = spans[group]
         same = (tips[:, :, None] == spans[:, None]).all(axis=3)
-        shared = np.flatnonzero(same.any(axis=(1, 2)))
+        straight = self._part.pieces.bulge_mm[line] == 0.0
+        shared = np.flatnonzero(same.any(axis=(1, 2)) & straight)
         at, begin = (same[shared].any(axis=axis).argmax(axis=1) for axis in (2, 1))
         rows = np.arange(len(shared))
         tips = tips[shared]
@@ -625,8 +648,8 @@ class ImageCheck:
         away = at_axis * np.cos(np.minimum(off_axis + at_axis, np.pi / 2.0)) ** 2
         clear = np.sin(np.minimum(away, 1.0)) * np.sin(turn) > math.sin(min(angle, 1.0))
         clear &= (vicinity.seen_within(line[shared]) < _NARROW) & (angle < 1.0)
-        near[group[shared[clear]], line[shared[clear]]] = False
-        return near
+        leads[shared] = clear
+        return leads
 
     def corner_lines(self, cam2world: Array, pairs: Pairs) -> SeenArms:
         """Return the lines at the ends of entities that corners can be fitted with.

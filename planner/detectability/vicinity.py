@@ -98,7 +98,7 @@ class Vicinity:
 
     Attributes
     ----------
-    known : dict of tuple to array of bool (m,)
+    known : dict of tuple to array of int
         Lines that may show near segments, as far as somebody has asked and keeps it here.
     """
 
@@ -107,11 +107,13 @@ class Vicinity:
     ) -> None:
         self.centre = centre
         self.radius_mm = radius_mm
-        self.known: dict[tuple[bytes | float, ...], Mask] = {}
+        self.known: dict[tuple[bytes | float, ...], Indices] = {}
         self._axis = axis
         self._spread = spread
         self._part = part
         self._whole = self._seen(part.ends, part.bulge_mm)
+        # the sides of faces, as far as somebody has asked
+        self._sides: dict[int, tuple[_Seen, tuple[Array, Array, Array]]] = {}
         # of each piece 1 where it is hidden, 0 where it may be seen, -1 where nobody has looked yet
         self._hidden = np.full((len(part.ends), _PARTS), -1, np.int8)
 
@@ -133,23 +135,27 @@ class Vicinity:
         off = _angle(cam2world[:, :3, 2], self._axis)
         return bool((off_mm <= self.radius_mm).all() and (off <= self._spread).all())
 
-    def lines_near(self, spans: Array, angle: float, among: Mask) -> Mask:
-        """Return which lines (s, m) may be seen so near to which segment.
+    def lines_near(
+        self, spans: Array, owner: Indices, angle: float, among: Mask
+    ) -> tuple[Indices, Indices]:
+        """Return which lines may be seen so near to which segment: numbers of segments, in rising order, and of lines.
 
         Parameters
         ----------
         spans : array (s, 2, 3)
             The segments, mm.
+        owner : array of int (s,)
+            What they belong to, which is near to all of them.
         angle : float
             How near, rad; less than π / 2.
-        among : array of bool (s, m)
-            Lines that are looked at.
+        among : array of bool (r, m)
+            Lines that are looked at for each owner.
         """
         part = self._part
-        result = np.zeros((len(spans), len(part.ends)), bool)
-        # whole lines first, then pieces of what is left
+        # lines near an owner first, then near a segment, then pieces of what is left
         whole = self._seen(spans, np.zeros(len(spans)))
-        of, line = np.nonzero(among & self._may_meet(whole, angle))
+        by_owner = among & self._may_meet(self._balls(spans, owner, len(among)), angle)
+        of, line = np.nonzero(by_owner[owner])
         near = _meet(whole.chosen(of), self._whole.chosen(line), self.radius_mm, angle)
         of = of[near]
         line = line[near]
@@ -162,11 +168,23 @@ class Vicinity:
         near[curved] = near[curved].any(axis=1)[:, None]
         row, piece = np.nonzero(near)
         near[row, piece] = ~self._are_hidden(line[row], piece)
-        result[of, line] = near.any(axis=1)
-        return result
+        may_show = near.any(axis=1)
+        return of[may_show], line[may_show]
+
+    def _balls(self, spans: Array, owner: Indices, n: int) -> _Seen:
+        """Return balls (n,) that hold the segments of each owner."""
+        middles = spans.mean(axis=1)
+        half_mm = np.linalg.norm(spans[:, 1] - spans[:, 0], axis=1) / 2.0
+        count = np.maximum(np.bincount(owner, minlength=n), 1)
+        sums = [np.bincount(owner, weights=middles[:, c], minlength=n) for c in range(3)]
+        centres = np.stack(sums, axis=1) / count[:, None]
+        radius_mm = np.zeros(n)
+        far_mm = np.linalg.norm(middles - centres[owner], axis=1) + half_mm
+        np.maximum.at(radius_mm, owner, far_mm)
+        return self._seen(np.repeat(centres[:, None], 2, axis=1), radius_mm)
 
     def _may_meet(self, spans: _Seen, angle: float) -> Mask:
-        """Return where `_meet` is worth asking, of segments (s,) and all lines (m,); (s, m)."""
+        """Return where `_meet` is worth asking, of segments or balls (s,) and all lines (m,); (s, m)."""
         lines = self._whole
         axes, half, far_mm = spans.around(self._part.middle - self.centre)
         line_axes, line_half, line_far_mm = lines.around(self._part.middle - self.centre)
@@ -197,11 +215,24 @@ class Vicinity:
         possible = (fronts >= fewest[:, None]) & (fronts <= highest[:, None])
         return np.asarray((shows & possible).any(axis=1))
 
-    def in_line(self, others: Array, segment: Array, off_mm: float) -> Mask:
-        """Return which segments (q, 2, 3) may be seen to meet one (2, 3), up to an uncertainty in mm."""
-        seen = self._seen(others, np.full(len(others), off_mm))
+    def in_line(self, face: int, sides: Array, segment: Array, off_mm: float) -> Mask:
+        """Return which sides (q, 2, 3) of a face may be seen to meet a segment (2, 3), up to an uncertainty in mm."""
+        middle = self._part.middle - self.centre
+        if face not in self._sides:
+            seen = self._seen(sides, np.full(len(sides), off_mm))
+            self._sides[face] = seen, seen.around(middle)
+        seen, (axes, half, far_mm) = self._sides[face]
         itself = self._seen(segment[None], np.full(1, off_mm))
-        return _meet(itself.chosen(np.zeros(len(others), np.int64)), seen, self.radius_mm, 0.0)
+        (axis,), (own_half,), (own_far_mm,) = itself.around(middle)
+        # as `_may_meet`
+        chord = np.sqrt(np.maximum(2.0 - 2.0 * (axes @ axis), 0.0))
+        change = self.radius_mm * (far_mm + own_far_mm) / (seen.nearest_mm * itself.nearest_mm)
+        limit = half + own_half + seen.off + itself.off + change + _ROUNDING
+        rows = np.flatnonzero(chord <= limit)
+        result = np.zeros(len(sides), bool)
+        repeated = itself.chosen(np.zeros(len(rows), np.int64))
+        result[rows] = _meet(repeated, seen.chosen(rows), self.radius_mm, 0.0)
+        return result
 
     def turned_away(self, corner: Array, ends: Array, tips: Array) -> Array:
         """Return the least angle at which lines leave segments that begin at the same corner, as seen; rad, (q,).
@@ -404,6 +435,7 @@ class HidingFaces:
         self._places[self._triangle_face] = vertices[triangles[:, 0]]
         self._planarity_mm = float(solid.planarity_mm)
         self._size_mm = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        self._middle = np.asarray(solid.bounds, np.float64).mean(axis=0)
         # the border of a face: the sides of its triangles that no other one of them has
         sides = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         of_face = np.column_stack([np.repeat(self._triangle_face, 3), sides])
@@ -428,8 +460,8 @@ class HidingFaces:
 
     def _is_hidden(self, ball: Vicinity, piece: Array, first: int) -> bool:
         """Return whether all faces that rays to a segment (2, 3) may meet, from a first one on, hide it."""
-        length = float(np.linalg.norm(piece - ball.centre, axis=1).max())
-        unsure_mm = self._planarity_mm + _SINGLE * (length + self._size_mm)
+        far_mm = float(np.linalg.norm(self._middle - ball.centre))
+        unsure_mm = self._planarity_mm + _SINGLE * (far_mm + 2.0 * self._size_mm)
         waiting = [first]
         met = {first}
         while waiting:
@@ -438,7 +470,8 @@ class HidingFaces:
                 return False
             sides = slice(self._first[face], self._first[face + 1])
             # a plane that is off moves flat rays more
-            in_line = ball.in_line(self._borders[sides], piece, unsure_mm / _LEAST_SINE)
+            off_mm = unsure_mm / _LEAST_SINE
+            in_line = ball.in_line(face, self._borders[sides], piece, off_mm)
             beyond = set(self._beyond[sides][in_line].tolist()) - met
             met |= beyond
             if -1 in met or len(met) > _MOST_FACES:

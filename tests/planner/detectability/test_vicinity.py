@@ -59,7 +59,12 @@ def test_lines_are_left_out_only_if_no_camera_nearby_sees_them_near():
     bulges = rng.normal(size=(400, 3)) * (rng.random((400, 1)) < 0.3)
     angle = 0.02
     part = PartPieces(block(), RayScene(block().vertices, block().triangles), lines, bulges)
-    kept = Vicinity.of(part, eyes).lines_near(spans, angle, np.ones((2, 400), bool))
+    vicinity = Vicinity.of(part, eyes)
+    of, line = vicinity.lines_near(spans, np.arange(2), angle, np.ones((2, 400), bool))
+    together = vicinity.lines_near(spans, np.zeros(2, int), angle, np.ones((1, 400), bool))
+    np.testing.assert_array_equal(together, (of, line))
+    kept = np.zeros((2, 400), bool)
+    kept[of, line] = True
     share = np.linspace(0.0, 1.0, 101)[:, None]
     lift = 4.0 * share * (1.0 - share)
     curves = (
