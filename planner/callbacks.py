@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+import os
+import tempfile
 import time
+import weakref
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from planner.argument_kinds import FROM_0_BELOW_1, POSITIVE_SECONDS, check_number
@@ -95,6 +99,8 @@ class Deadline:
         self._latest = self._limit if self._limit >= KEPT_LIMIT_S else math.inf
         # from when on there is something to end with
         self._armed_at = math.inf
+        # a file that tells other processes so, once they have work
+        self._sign: Path | None = None
 
     @property
     def limited(self) -> bool:
@@ -174,7 +180,7 @@ class Deadline:
 
     def arm(self) -> None:
         """From now on there is something to end with."""
-        self._armed_at = -math.inf
+        self._arm_at(-math.inf)
 
     def glance_s(self) -> float:
         """Return for how many seconds there may be another glance: half of what is left, or its least time."""
@@ -185,7 +191,13 @@ class Deadline:
     def arm_soon(self) -> None:
         """There is a first plan to end with, for limits under `KEPT_LIMIT_S` only after `LEAST_SEARCH_S`."""
         wait_s = LEAST_SEARCH_S if self._latest == math.inf else 0.0
-        self._armed_at = min(self._armed_at, time.monotonic() + wait_s)
+        self._arm_at(min(self._armed_at, time.monotonic() + wait_s))
+
+    def _arm_at(self, moment: float) -> None:
+        if moment != self._armed_at:
+            self._armed_at = moment
+            if self._sign is not None:
+                _write_sign(self._sign, self._wall_begin + (moment - self._begin))
 
     def check(self) -> None:
         """Raise `TimeIsUpError` if the time is up and there is something to end with, or it is up for a first plan."""
@@ -196,14 +208,57 @@ class Deadline:
             raise TimeIsUpError
 
     def check_now(self) -> Callable[[], None]:
-        """Return a check for other processes that raises as `check` does, by what there is to end with now."""
+        """Return a check for other processes that raises as `check` does, also by what there is to end with later."""
         latest = self._latest + _FIRST_PLAN_BEYOND_S
         with_plan = max(self._limit, self._armed_at - self._begin)
-        return TimeLeft(self._wall_begin + max(self._limit, min(with_plan, latest))).check
+        until = self._wall_begin + max(self._limit, min(with_plan, latest))
+        if self._sign is None and self._armed_at == math.inf and self.limited:
+            self._sign = _new_sign(self)
+        return _CheckElsewhere(until, self._wall_begin + self._limit, self._sign).check
 
     def wanted_bound(self, n_settings: int) -> int:
         """Return the bound that is good enough for so many settings."""
         return math.ceil(n_settings * (1.0 - self.gap) - 1e-9)
+
+
+@dataclass(frozen=True)
+class _CheckElsewhere:
+    """A check for another process: when it ends in any case, and when it ends if a file says that there is a plan."""
+
+    until: float
+    limit: float
+    sign: Path | None
+
+    def check(self) -> None:
+        """Raise `TimeIsUpError` if the time is up."""
+        now = time.time()
+        if now > self.until or (now > self.limit and now >= _read_sign(self.sign)):
+            raise TimeIsUpError
+
+
+def _new_sign(deadline: Deadline) -> Path | None:
+    """Return an empty file that is removed with a deadline; None where none can be made."""
+    try:
+        handle, name = tempfile.mkstemp(prefix="aspectgraph-", suffix=".armed")
+    except OSError:
+        return None
+    os.close(handle)
+    path = Path(name)
+    weakref.finalize(deadline, path.unlink, missing_ok=True)
+    return path
+
+
+def _write_sign(path: Path, moment: float) -> None:
+    with suppress(OSError):
+        path.write_text(repr(moment))
+
+
+def _read_sign(path: Path | None) -> float:
+    """Return from when on there is something to end with, as `time.time` counts; infinity if nothing says so."""
+    try:
+        return math.inf if path is None else float(path.read_text())
+    except (OSError, ValueError):
+        return math.inf
 
 
 @dataclass(frozen=True)

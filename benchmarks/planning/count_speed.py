@@ -2,8 +2,8 @@
 
 ``python benchmarks/planning/count_speed.py mfcad-default --folder PARTS``
 
-A count looks at the images of 1,000 displaced poses near each other. Lines of the part that can come near the edge in
-none of them are left out beforehand (`planner.detectability.image_check.Surroundings`). The counts are the same, which
+A count looks at the images of displaced poses near each other. Lines of the part that show near the edge in none of
+them are left out beforehand (`planner.detectability.vicinity.Vicinity`). The counts are the same, which
 is checked. Shown is the processor time of a few counts, each way in turn.
 """
 

@@ -21,6 +21,7 @@ from errors.measurands.geometry import Circle, Geometry
 from planner.camera.camera import Camera
 from planner.detectability.conditions import Detectability
 from planner.detectability.corners import (
+    CONNECTED,
     FITTED_PX,
     OWN,
     SHARP,
@@ -36,6 +37,7 @@ from planner.detectability.corners import (
     tip_lines,
 )
 from planner.detectability.near_contours import near_contours
+from planner.detectability.vicinity import PartPieces, Vicinity
 from planner.executors import check_on_the_way
 
 if TYPE_CHECKING:
@@ -74,6 +76,8 @@ class PartLines:
         one after the other, so that several points are computed at once, and numbers that cannot be negative.
     bulges : array (m, 3)
         From the middle of each edge of `contours` to that of the arc it is a chord of, mm; 0 for straight ones.
+    pieces : PartPieces
+        The same lines in pieces, and what may hide them.
     """
 
     def __init__(self, solid: Solid, *, only_outlines: bool = False) -> None:
@@ -91,7 +95,7 @@ class PartLines:
         self.compiled: Any = (vertices, ends, planes, faces, kinds)
         self.bulges = _bulges(solid, contours)
         self._relations: dict[tuple[tuple[int, ...], float], NDArray[np.uint8]] = {}
-        self.surroundings = Surroundings(contours.vertices[contours.ends], self.bulges)
+        self.pieces = PartPieces(solid, self.scene, contours.vertices[contours.ends], self.bulges)
 
     @classmethod
     def of(cls, solid: Solid, *, only_outlines: bool = False) -> PartLines:
@@ -158,107 +162,6 @@ def _bulges(solid: Solid, contours: Contours) -> NDArray[np.float64]:
                 if 0.0 < size < arc.radius_mm:
                     bulges[place[edge]] = (arc.radius_mm / size - 1.0) * off
     return bulges
-
-
-# Which lines are surely not near to some segments in the images of cameras that are near to each other.
-
-
-# pieces of each line
-_PARTS = 8
-# radians that a bound may be too small by, for rounding
-_ROUNDING = 1e-9
-# mm, so that nothing is divided by 0
-_TINY_MM = 1e-12
-# of the distance of a point, how far a camera may move; beyond, nothing is said of that point
-_NEARLY = 0.9
-
-
-class Surroundings:
-    """Tells which lines of a part may come near to segments, from anywhere near a place.
-
-    Turning a camera does not change the angles between what it sees, and the image of a pinhole camera is nowhere
-    smaller than the focal length times such an angle. A camera that moves by t sees a point at distance d in a
-    direction that is off by asin(t / d) at most. So what is farther apart than these angles allow is not near in the
-    image, from any of the places.
-
-    Parameters
-    ----------
-    ends : array (m, 2, 3)
-        Of the lines, mm.
-    bulges : array (m, 3)
-        How far the curves that they stand for leave them, mm.
-    """
-
-    def __init__(self, ends: NDArray[np.float64], bulges: NDArray[np.float64]) -> None:
-        self._ends = ends
-        self._bulge_mm = np.linalg.norm(bulges, axis=1)
-
-    def beside(
-        self, eyes: NDArray[np.float64], spans: NDArray[np.float64], angle: float
-    ) -> NDArray[np.int64]:
-        """Return which lines (e,), in rising order, may be seen so near to a segment from one of the eyes.
-
-        Parameters
-        ----------
-        eyes : array (n, 3)
-            Where the cameras are, mm.
-        spans : array (s, 2, 3)
-            The segments, mm.
-        angle : float
-            How near, rad; less than π / 2.
-        """
-        centre = eyes.mean(axis=0)
-        moved_mm = float(np.linalg.norm(eyes - centre, axis=1).max())
-        off_mm = moved_mm + self._bulge_mm
-        # whole lines first, then pieces of what is left
-        whole = _cones(spans - centre, np.array(moved_mm))
-        rows = np.flatnonzero(_meet(_cones(self._ends - centre, off_mm), whole, angle))
-        pieces = _cones(_split(self._ends[rows]) - centre, np.repeat(off_mm[rows], _PARTS))
-        parts = _cones(_split(spans) - centre, np.array(moved_mm))
-        return rows[_meet(pieces, parts, angle).reshape(-1, _PARTS).any(axis=1)]
-
-
-def _meet(lines: _Cones, others: _Cones, angle: float) -> NDArray[np.bool_]:
-    """Return which cones (m,) come so near to one of the others."""
-    # a chord of the unit sphere is shorter than its angle
-    chord = np.sqrt(np.maximum(2.0 - 2.0 * (lines.axes @ others.axes.T), 0.0))
-    limit = lines.half_angles[:, None] + (others.half_angles + angle + _ROUNDING)
-    return np.asarray((chord <= limit).any(axis=1))
-
-
-class _Cones(NamedTuple):
-    """Cones with their apex at the origin: axes (m, 3), and half angles (m,)."""
-
-    axes: NDArray[np.float64]
-    half_angles: NDArray[np.float64]
-
-
-def _split(ends: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the ends (8 m, 2, 3) of the pieces of segments (m, 2, 3)."""
-    shares = np.linspace(0.0, 1.0, _PARTS + 1)[:, None]
-    points = ends[:, :1] + shares * (ends[:, 1:] - ends[:, :1])
-    return np.stack([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 2, 3)
-
-
-def _cones(segments: NDArray[np.float64], off_mm: NDArray[np.float64]) -> _Cones:
-    """Return cones that hold segments (m, 2, 3), seen from the origin, and what is so far off them, mm.
-
-    The half angle is 2 π where that nearly reaches the origin.
-    """
-    lengths = np.linalg.norm(segments, axis=2)
-    directions = segments / np.maximum(lengths, _TINY_MM)[..., None]
-    axes = directions.sum(axis=1)
-    sizes = np.linalg.norm(axes, axis=1)
-    axes /= np.maximum(sizes, _TINY_MM)[:, None]
-    # half of the angle between two unit vectors, whose sum is twice its cosine
-    half = np.arccos(np.clip(sizes / 2.0, 0.0, 1.0))
-    along = segments[:, 1] - segments[:, 0]
-    square = np.maximum((along**2).sum(axis=1), _TINY_MM)
-    share = np.clip(-(segments[:, 0] * along).sum(axis=1) / square, 0.0, 1.0)
-    nearest = np.linalg.norm(segments[:, 0] + share[:, None] * along, axis=1)
-    ratio = off_mm / np.maximum(nearest, _TINY_MM)
-    off = np.arcsin(np.minimum(ratio, _NEARLY))
-    return _Cones(axes, np.where(ratio < _NEARLY, half + off, 2.0 * np.pi))
 
 
 # Which entities are scanned for lines and circles, and how near other lines may come to them.
@@ -426,7 +329,17 @@ _FIRST = 2
 # but not for more segments than so many
 _MANY_NEAR = 200
 _FEWER = 0.7
-_MOST_SPANS = 64
+_MOST_SPANS = 4000
+# and not where that is too many pairs of a line that is asked for and one of the part
+_MOST_CELLS = 2_000_000
+# distances from curves may be said to be less than they are by so many px
+_SAG_PX = 0.05
+# length of a line as it is seen, rad, up to which it leads away from another one at its end: less than π / 2
+_NARROW = 1.4
+# parts of a line that is looked at from its end on, and how much of one is rounding
+_SHARES = 16
+_OVER = 1e-6
+_LEAST_MM = 1e-12
 # of a depth of field without end so many times its near limit counts
 _FAR = 10.0
 # if only some visible point of a pair is asked for, one of so many is looked at first
@@ -509,7 +422,6 @@ class ImageCheck:
         # and from the same end, when it is the same arm
         from_where = np.column_stack([self.arms.contour, self.arms.corner, self.arms.tip])
         self._same_arm = np.unique(from_where, axis=0, return_inverse=True)[1].reshape(-1)
-        self._line_ends = self.contours.vertices[self.contours.ends[lines]]
         ids_of_lines = [[int(self.contours.ids[line])] for line in lines]
         self._lines = _ImageLines.of(
             self.contours, [self._part.relation(ids, radius) for ids in ids_of_lines]
@@ -599,7 +511,8 @@ class ImageCheck:
 
     @property
     def _piece_lines(self) -> _Looked:
-        return _Looked(self._pieces.ends, self._pieces.line, self._scanned, self._pieces.ends)
+        pieces = self._pieces
+        return _Looked(pieces.ends, pieces.line, self._scanned, np.arange(len(pieces.ends)))
 
     def _separations(self, cam2world: Array, pairs: Pairs, reach: float) -> Array:
         """Return how near other visible lines come in the image, px (p,), at most `reach`."""
@@ -628,41 +541,115 @@ class ImageCheck:
         self, cam2world: Array, pairs: Pairs, looked: _Looked, reach: float
     ) -> tuple[Pairs, Array, Array]:
         """Return points of other lines, visible or not, that are near in the image; see `near_contours`."""
-        contours, entities = self._contours_for(cam2world, pairs, looked, reach)
+        hopeful, (contours, entities) = self._contours_for(cam2world, pairs, looked, reach)
+        if not len(hopeful):
+            return hopeful, np.zeros(0), np.zeros((0, 3))
         # one kind of arrays, so that the loop is compiled once: in order of rows, and not read-only
-        room = max(_ROOM, _EACH * len(pairs))
+        room = max(_ROOM, _EACH * len(hopeful))
         poses = np.array(cam2world, np.float64, order="C")
-        pairs = np.ascontiguousarray(pairs)
+        pairs = np.ascontiguousarray(pairs[hopeful])
         while True:
             rows = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))
             limits = reach, self._near_own_px, *self._stretches
             view = self._scale, self._lens
             n = near_contours(poses, pairs, *view, *contours, entities, limits, rows)
             if n <= room:
-                return rows[0][:n], rows[1][:n], rows[2][:n]
+                return hopeful[rows[0][:n]], rows[1][:n], rows[2][:n]
             room = n
 
     def _contours_for(
         self, cam2world: Array, pairs: Pairs, looked: _Looked, reach: float
-    ) -> tuple[Any, Any]:
-        """Return contours and entities as `near_contours` takes them, without contours that are surely not near.
+    ) -> tuple[NDArray[np.int64], tuple[Any, Any]]:
+        """Return which pairs may have lines nearby, and contours and entities as `near_contours` takes them.
 
-        That is worth the time where many poses are near to each other, as displaced ones are.
+        Left out is what surely does not show nearby, see `Vicinity`. That is worth the time where many poses are near
+        to each other, as displaced ones are.
         """
         part = self._part
+        every = np.arange(len(pairs))
         everything = (part.compiled, part.bulges), (looked.ends, looked.line, *looked.lines)
         if min(len(cam2world), len(pairs)) < _MANY_NEAR:
-            return everything
-        entity = np.unique(pairs[:, 1])
-        line = np.unique(looked.line[entity])
-        spans = looked.spans[line if looked.by_line else entity]
-        if len(spans) > _MOST_SPANS:
-            return everything
-        angle = reach * self._stretches[0] / float(np.abs(self._scale[:2]).min())
-        beside = part.surroundings.beside(cam2world[:, :3, 3], spans, angle)
-        if len(beside) > _FEWER * len(part.contours.ids):
-            return everything
-        return part.some(beside, looked, line)
+            return every, everything
+        groups = looked.groups(pairs[:, 1])
+        lines, owner = np.unique(groups.line, return_inverse=True)
+        n_contours = len(part.contours.ids)
+        if len(lines) * n_contours > _MOST_CELLS or len(groups.line) > _MOST_SPANS:
+            return every, everything
+        vicinity = part.pieces.around(cam2world)
+        if vicinity is None:
+            return every, everything
+        near = self._may_show(vicinity, groups.spans, owner, looked.lines.relations[lines], reach)
+        is_hopeful = np.array([len(beside) > 0 for beside in near], bool)
+        hopeful = np.flatnonzero(is_hopeful[groups.of])
+        is_beside = np.zeros(n_contours, bool)
+        is_beside[np.concatenate(near)] = True
+        if is_beside.sum() > _FEWER * n_contours:
+            return hopeful, everything
+        return hopeful, part.some(np.flatnonzero(is_beside), looked, groups.line)
+
+    def _may_show(
+        self,
+        vicinity: Vicinity,
+        spans: Array,
+        owner: NDArray[np.int64],
+        relations: NDArray[np.uint8],
+        reach: float,
+    ) -> list[NDArray[np.int64]]:
+        """Return which contours may show near each of some segments; what is known already is not looked for again."""
+        limits = (reach, self._near_own_px, *self._stretches, *self._scale[:2].tolist())
+        of_owner = [row.tobytes() for row in relations]
+        keys = [
+            (span.tobytes(), of_owner[row], *limits)
+            for span, row in zip(spans, owner.tolist(), strict=True)
+        ]
+        new = [g for g, key in enumerate(keys) if key not in vicinity.known]
+        if new:
+            rows = self._near_lines(vicinity, spans[new], owner[new], relations, reach)
+            vicinity.known.update(zip([keys[g] for g in new], rows, strict=True))
+        return [vicinity.known[key] for key in keys]
+
+    def _near_lines(
+        self,
+        vicinity: Vicinity,
+        spans: Array,
+        owner: NDArray[np.int64],
+        relations: NDArray[np.uint8],
+        reach: float,
+    ) -> list[NDArray[np.int64]]:
+        """Return which contours may show near each of some segments, beyond what is excepted at common ends."""
+        scale = np.abs(self._scale[:2])
+        angle = (reach + _SAG_PX * self._stretches[1]) * self._stretches[0] / float(scale.min())
+        may_show = vicinity.may_show(self._part.showing)
+        of, line = vicinity.lines_near(spans, owner, angle, may_show & (relations != OWN))
+        clear = self._lead_away(vicinity, spans[of], line, angle)
+        clear &= relations[owner[of], line] == CONNECTED
+        return np.split(line[~clear], np.searchsorted(of[~clear], np.arange(1, len(spans))))
+
+    def _lead_away(
+        self, vicinity: Vicinity, spans: Array, line: NDArray[np.int64], angle: float
+    ) -> NDArray[np.bool_]:
+        """Return which contours (q,) leave an end of their segment (q, 2, 3) and are clear of it where that counts."""
+        scale = np.abs(self._scale[:2])
+        leads = np.zeros(len(line), bool)
+        contours = self._part.contours
+        tips = contours.vertices[contours.ends[line]]
+        same = (tips[:, :, None] == spans[:, None]).all(axis=3)
+        straight = self._part.pieces.bulge_mm[line] == 0.0
+        shared = np.flatnonzero(same.any(axis=(1, 2)) & straight)
+        at, begin = (same[shared].any(axis=axis).argmax(axis=1) for axis in (2, 1))
+        rows = np.arange(len(shared))
+        tips = tips[shared]
+        spans = spans[shared]
+        corner = tips[rows, at]
+        turn = vicinity.turned_away(corner, spans[rows, 1 - begin], tips[rows, 1 - at])
+        # what is not excepted is so far from the corner in the image, and farther off the axis that is a smaller angle
+        off_axis = vicinity.off_axis(corner)
+        at_axis = self._near_own_px / (self._stretches[1] * float(scale.max()))
+        away = at_axis * np.cos(np.minimum(off_axis + at_axis, np.pi / 2.0)) ** 2
+        clear = np.sin(np.minimum(away, 1.0)) * np.sin(turn) > math.sin(min(angle, 1.0))
+        clear &= (vicinity.seen_within(line[shared]) < _NARROW) & (angle < 1.0)
+        leads[shared] = clear
+        return leads
 
     def corner_lines(self, cam2world: Array, pairs: Pairs) -> SeenArms:
         """Return the lines at the ends of entities that corners can be fitted with.
@@ -768,13 +755,12 @@ class ImageCheck:
         _, chosen, inverse = np.unique(of_pose, return_index=True, return_inverse=True)
         arms = arms[chosen]
         ends = np.stack([self.arms.corner[seen.arm[arms]], seen.last[arms]], axis=1)
-        # what is seen of an arm is on its line
         looked = _Looked(
             np.ascontiguousarray(ends),
             self._line_of_arm[seen.arm[arms]],
             self._lines,
-            self._line_ends,
-            by_line=True,
+            self._same_arm[seen.arm[arms]],
+            self.arms.tip[seen.arm[arms]],
         )
         each = np.column_stack([pairs[seen.of[arms] // 2, 0], np.arange(len(arms))])
         return ~self._has_near(cam2world, each, looked, self.showing.separation_px)[inverse]
@@ -840,17 +826,44 @@ class _ImageLines(NamedTuple):
         return cls(np.array(relations, np.uint8).reshape(-1, len(contours.ids)), vertices, first)
 
 
+class _Groups(NamedTuple):
+    """Segments (g, 2, 3) that hold those of pairs, which lines (g,) they belong to, and which each pair (p,) is of."""
+
+    spans: Array
+    line: NDArray[np.int64]
+    of: NDArray[np.int64]
+
+
 class _Looked(NamedTuple):
     """What is asked how near other lines come: ends (k, 2, 3), the number (k,) of what they belong to, and these.
 
-    All of it is in segments: of each (k, 2, 3), or of what they belong to (r, 2, 3).
+    Those of one number (k,) in `same` are the same segment; or, where `whole` (k, 3) has ends, begin at the same point
+    and end on the way to the same one of these.
     """
 
     ends: Array
     line: NDArray[np.int64]
     lines: _ImageLines
-    spans: Array
-    by_line: bool = False
+    same: NDArray[np.int64]
+    whole: Array | None = None
+
+    def groups(self, which: NDArray[np.int64]) -> _Groups:
+        """Return what some of them (p,) are together."""
+        _, first, of = np.unique(self.same[which], return_index=True, return_inverse=True)
+        first = which[first]
+        begin = self.ends[first, 0]
+        square = ((self.ends[which, 1] - self.ends[which, 0]) ** 2).sum(axis=1)
+        longest = np.zeros(len(first))
+        np.maximum.at(longest, of, square)
+        if self.whole is None:
+            return _Groups(self.ends[first], self.line[first], of)
+        whole = self.whole[first]
+        length = np.maximum(np.linalg.norm(whole - begin, axis=1), _LEAST_MM)
+        # rounded up, so that other images ask for the same
+        share = np.minimum(np.ceil(np.sqrt(longest) / length * _SHARES + _OVER) / _SHARES, 1.0)
+        last = np.where(share[:, None] < 1.0, begin + share[:, None] * (whole - begin), whole)
+        spans = np.stack([begin, last], axis=1)
+        return _Groups(spans, self.line[first], of)
 
 
 def edges_of(space: Any, name: str) -> tuple[int, ...] | None:

@@ -61,6 +61,8 @@ if TYPE_CHECKING:
 
 _Array = NDArray[np.float64]
 
+# of zlib: the highest takes several times as long, for a hundredth of a page
+_LEVEL = 6
 _TANGENT = math.tan(math.radians(22.5))
 # share of the picture's height that what is shown may take
 _FILLED = 0.86
@@ -194,7 +196,7 @@ def box_around(points: _Array, limits: _Array, air: float = 0.08) -> _Array:
 
 def packed(text: str) -> str:
     """Return a text compressed with zlib, in base64: `unpackedText` in ``figures.js`` reads it."""
-    return base64.b64encode(zlib.compress(text.encode(), 9)).decode()
+    return base64.b64encode(zlib.compress(text.encode(), _LEVEL)).decode()
 
 
 def figure_html(

@@ -27,7 +27,6 @@ from planner.detectability.image_check import (
     ImagePieces,
     PartLines,
     Scanned,
-    Surroundings,
 )
 from planner.request.camera_limits import check_showing
 
@@ -874,34 +873,6 @@ def test_an_edge_keeps_its_distance_from_the_circle_of_a_hole(chords, monkeypatc
     bulge = scale * 8.0 * (1.0 - np.cos(np.pi / chords))
     # never more, and less by what the straight pieces of an arc may be off
     assert truth - 0.06 - 0.03 * bulge <= told <= truth + 1e-6
-
-
-def test_lines_are_left_out_only_if_no_camera_nearby_sees_them_near():
-    """Against angles between dense points, from many places of the camera; most lines are left out."""
-    rng = np.random.default_rng(8)
-    eyes = rng.normal(size=(300, 3)) * 0.5
-    middles = rng.normal(size=(400, 3)) * 20.0 + [0.0, 0.0, 60.0]
-    lines = middles[:, None] + rng.normal(size=(400, 2, 3)) * 4.0
-    spans = np.array([[[-3.0, 0.0, 60.0], [3.0, 1.0, 58.0]], [[8.0, 8.0, 70.0], [8.0, 8.0, 70.0]]])
-    bulges = rng.normal(size=(400, 3)) * (rng.random((400, 1)) < 0.3)
-    angle = 0.02
-    found = Surroundings(lines, bulges).beside(eyes, spans, angle)
-    share = np.linspace(0.0, 1.0, 101)[:, None]
-    lift = 4.0 * share * (1.0 - share)
-    curves = (
-        lines[:, None, 0] + share * (lines[:, 1] - lines[:, 0])[:, None] + lift * bulges[:, None]
-    )
-    places = spans[:, None, 0] + share * (spans[:, 1] - spans[:, 0])[:, None]
-    near = np.zeros(400, bool)
-    for eye in eyes[::10]:
-        seen, asked = (
-            (p - eye) / np.linalg.norm(p - eye, axis=-1)[..., None] for p in (curves, places)
-        )
-        cosines = seen.reshape(-1, 3) @ asked.reshape(-1, 3).T
-        near |= (cosines.max(axis=1) >= np.cos(angle)).reshape(400, -1).any(axis=1)
-    assert near.sum() > 10
-    assert not set(np.flatnonzero(near)) - set(found.tolist())
-    assert len(found) < min(3 * near.sum(), 200)
 
 
 @pytest.mark.uncompiled

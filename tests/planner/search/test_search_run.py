@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import math
 import pickle
+import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import SimpleNamespace
@@ -427,6 +429,45 @@ def test_tasks_of_other_processes_end_when_the_search_does(monkeypatch):
     late.arm()
     with pytest.raises(TimeIsUpError):
         pickle.loads(pickle.dumps(late.check_now()))()
+
+
+def test_tasks_given_before_there_is_a_plan_end_when_the_search_does(monkeypatch, tmp_path):
+    """What says that there is a plan reaches tasks of other processes, and is gone with the search."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    clock = [1000.0]
+    monkeypatch.setattr(callbacks.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(callbacks.time, "time", lambda: clock[0] + 7000.0)
+    search = Deadline(time_limit_s=20.0, begun=1000.0).of_search()
+    check = pickle.loads(pickle.dumps(search.check_now()))
+    # the search has 16 s, a first plan more
+    clock[0] += 18.0
+    check()
+    search.arm_soon()
+    with pytest.raises(TimeIsUpError):
+        check()
+    search.arm()
+    with pytest.raises(TimeIsUpError):
+        check()
+    assert len(list(tmp_path.iterdir())) == 1
+    del search
+    gc.collect()
+    assert not list(tmp_path.iterdir())
+    check()
+
+
+def test_without_a_folder_for_files_tasks_end_when_a_first_plan_would_be_late(monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", "/nowhere")
+    clock = [1000.0]
+    monkeypatch.setattr(callbacks.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(callbacks.time, "time", lambda: clock[0] + 7000.0)
+    search = Deadline(time_limit_s=20.0, begun=1000.0).of_search()
+    check = search.check_now()
+    search.arm()
+    clock[0] += 20.9
+    check()
+    clock[0] += 0.2
+    with pytest.raises(TimeIsUpError):
+        check()
 
 
 def test_work_that_comes_late_has_half_of_what_is_left(monkeypatch):
