@@ -49,6 +49,7 @@ from planner.plan import read_plan
 from planner.progress import report, terminal_progress, visible, work_shown
 from planner.report import terminal_tables
 from planner.report.measured_report import measured_html, print_results
+from planner.request.edge_state import EdgeState
 from planner.text_table import print_text
 
 if TYPE_CHECKING:
@@ -170,6 +171,12 @@ def _rendered_texts(
         which = "the light that was requested is not planned yet"
         why = which if plan.light_missing else "the plan has no light"
         yield f"{why}; a lamp on the camera lights the images"
+    state = EdgeState.planned(plan.request.edge_break_mm)
+    if state.stated and not state.is_sharp:
+        yield (
+            f"edges are drawn sharp, and the plan states that they are {state}; measure these images with "
+            "--edges sharp"
+        )
     sigma = rehearsal.truth.surfaces_mm
     if sigma:
         drawn = f"{sigma:.3g} mm, as --surfaces-mm states"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,6 +27,7 @@ from planner.measuring.reading import Reading, largest_state
 from planner.measuring.registered import Registered
 from planner.measuring.registration import Registration
 from planner.measuring.samples import CLIPPED_SHARE, STATE_TEXTS, State
+from planner.request.edge_state import EdgeState
 from planner.request.registration import PLANNED
 from planner.request.targets import targets_of
 from planner.sensor_setting import setting_name
@@ -158,8 +159,8 @@ def unregistered_note(plan: InspectionPlan) -> str:
     )
 
 
-def rendered_note(plan: InspectionPlan, images: object) -> str:
-    """Return the note on a folder whose images were rendered for another plan; nothing of other images."""
+def _digest_of_rendering(images: object) -> str:
+    """Return the digest of the plan that images were rendered for, as the file beside them states; "" of others."""
     if not isinstance(images, str | os.PathLike):
         return ""
     try:
@@ -167,11 +168,28 @@ def rendered_note(plan: InspectionPlan, images: object) -> str:
     except PlanFileError:
         return ""
     digest = truth.get("plan_digest") if isinstance(truth, dict) else ""
-    if not isinstance(digest, str) or digest in ("", plan.digest):
+    return digest if isinstance(digest, str) else ""
+
+
+def rendered_note(plan: InspectionPlan, images: object) -> str:
+    """Return the note on a folder whose images were rendered for another plan; nothing of other images."""
+    digest = _digest_of_rendering(images)
+    if digest in ("", plan.digest):
         return ""
     return (
         f"the images were rendered for another plan: {TRUTH} beside them states the SHA-256 {digest[:_DIGITS]}… of "
         f"its file, and that of this plan is {plan.digest[:_DIGITS]}…. Render them again if settings differ"
+    )
+
+
+def sharp_note(images: object, states: Iterable[EdgeState]) -> str:
+    """Return the note on rendered images, whose edges are sharp, if edges are stated as broken; nothing of others."""
+    broken = [state for state in states if state.stated and not state.is_sharp]
+    if not broken or not _digest_of_rendering(images):
+        return ""
+    return (
+        f"the images are rendered, with sharp edges, and edges are stated as {broken[0]}: values are off by "
+        "about as much. --edges sharp measures what is drawn (edge_break_mm=(0, 0) in Python)"
     )
 
 

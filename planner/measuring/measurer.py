@@ -36,6 +36,7 @@ from planner.measuring.advice import (
     of_poses,
     plan_notes,
     rendered_note,
+    sharp_note,
     with_advice,
 )
 from planner.measuring.images import ImageSet, Picture, Shot, read_images, shots_of
@@ -378,7 +379,14 @@ class Measurer:
         notes = image_notes(self.plan, self.model.edges.scene, pictures, registered, readings)
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
         unseen = self._unseen(results, states, registered, options)
-        of_images = (*image_set.notes, *response.notes(readings), *edge_notes, *joint.notes)
+        drawn = sharp_note(images, states.values())
+        of_images = (
+            *image_set.notes,
+            *filter(None, [drawn]),
+            *response.notes(readings),
+            *edge_notes,
+            *joint.notes,
+        )
         report(progress, 1, 1, _DECIDING)
         return MeasurementResults(
             {name: self._with_foreseen(results[name]) for name in self.plan.entities},

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import os
 from collections.abc import Callable, Iterator, Sequence, Set
 from dataclasses import dataclass, field
@@ -75,7 +76,7 @@ _CHANGE = 0.01
 _LIFT_MM = 2e-3
 # pixels from one to the next that a light with an area is first looked at
 _EVERY = 4
-# what light does not do on a smooth face from one pixel to the next, as a share of the light
+# what light does not do on a smooth face from one pixel to the next, as a share of the brightest
 _BENT = 0.03
 # the same of the few, whose middle is off by an eighth of it
 _BENT_OF_FEW = 0.06
@@ -83,9 +84,8 @@ _BENT_OF_FEW = 0.06
 _FINE = 20_000
 # an image of such light has so many more steps
 _STEPS_OF_AREA = 2
-# faces are the same whose normals and places are so near, mm
-_SAME_NORMAL = 1e-3
-_SAME_PLACE_MM = 0.02
+# vertices of a mesh are so near to the cylinder or cone that they are on, mm
+_ON_WALL_MM = 1e-4
 _RAYS = 400_000
 # of points on an entity
 _POINTS = 128
@@ -184,6 +184,8 @@ class _RoundScene(RayScene):
         Cylinders and cones.
     wall_of : array of int (t,)
         Number of the wall that each triangle lies on; -1 for none.
+    face_of : array of int (t,)
+        Number of the face of the model that each triangle is part of.
     """
 
     def __init__(
@@ -192,30 +194,33 @@ class _RoundScene(RayScene):
         triangles: NDArray[np.int64],
         walls: Sequence[Carrier],
         wall_of: NDArray[np.int64],
+        face_of: NDArray[np.int64],
     ) -> None:
         super().__init__(vertices, triangles, n_threads=1)
         self._walls = walls
         # also for rays that meet nothing
         self._wall_of = np.append(wall_of, -1)
         corners = vertices[triangles]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-        place = (normals * corners[:, 0]).sum(axis=1, keepdims=True)
-        flat = np.rint(np.hstack([normals / _SAME_NORMAL, place / _SAME_PLACE_MM]))
-        flat[wall_of >= 0] = 0.0
-        flat[wall_of >= 0, 0] = wall_of[wall_of >= 0]
-        keys = np.column_stack([wall_of >= 0, flat])
-        self._face_of = np.append(np.unique(keys, axis=0, return_inverse=True)[1].ravel(), -1)
+        areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        sums = np.zeros((face_of.max() + 1, 3))
+        np.add.at(sums, face_of, areas)
+        normals = sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-30)
+        self._normals = np.vstack([normals[face_of], np.zeros(3)])
+        self._face_of = np.append(np.where(wall_of >= 0, -2 - wall_of, face_of), -1)
 
     def faces_met(self, eye: Array, rays: Array) -> NDArray[np.int64]:
-        """Return numbers (n,) of the faces that rays (n, 3) from an eye meet; -1 for none."""
+        """Return numbers (n,) of the faces that rays (n, 3) from an eye meet; -1 for none, less for round ones."""
         numbers = RayScene.cast(self, eye, rays)["primitive_ids"]
         return self._face_of[np.minimum(numbers, len(self._face_of) - 1)]
 
     def cast(self, origins: ArrayLike, directions: np.ndarray) -> dict[str, np.ndarray]:
-        """Return what each ray hits first, see `RayScene.cast`; normals of round faces are those of the model."""
+        """Return what each ray hits first, see `RayScene.cast`; normals are those of faces, of round ones the model's.
+
+        Slender triangles next to rims would lean out of their plane.
+        """
         hits = super().cast(origins, directions)
-        wall = self._wall_of[np.minimum(hits["primitive_ids"], len(self._wall_of) - 1)]
+        number = np.minimum(hits["primitive_ids"], len(self._wall_of) - 1)
+        wall = self._wall_of[number]
         is_round = wall >= 0
         wall = wall[is_round]
         starts = np.broadcast_to(origins, directions.shape)[is_round]
@@ -226,7 +231,7 @@ class _RoundScene(RayScene):
             normals[wall == k] = self._walls[k].normals(places[wall == k])
         # those of the model point away from an axis, also in bores
         normals *= np.where((normals * flat).sum(axis=1) < 0, -1.0, 1.0)[:, None]
-        hits["primitive_normals"] = hits["primitive_normals"].copy()
+        hits["primitive_normals"] = self._normals[number].astype(np.float32)
         hits["primitive_normals"][is_round] = normals
         return hits
 
@@ -267,7 +272,7 @@ class DeviatingPart:
         # where faces meet at a small angle, their corner is off by more than they are
         self.largest_mm = float(np.abs(self._deviations).max(initial=0.0))
         moved = vertices + self._moves(vertices, carried)
-        self.scene = _RoundScene(moved, mesh.triangles, mesh.walls, mesh.wall_of)
+        self.scene = _RoundScene(moved, mesh.triangles, mesh.walls, mesh.wall_of, mesh.face_of)
 
     def value(self, name: str, target: Target) -> float:
         """Return the value of a target on the part as it is, mm (angles: degrees).
@@ -377,7 +382,31 @@ def _carried(model: PartModel) -> list[set[int]]:
         for edge_id in edge.edge_ids:
             for vertex in model.solid.edges[edge_id].vertices:
                 carried[vertex].update(model.carried_by[edge.name])
+    # facets of a cone may have vertices between its rims: from those to their neighbours, and on
+    triangles = model.solid.triangles.tolist()
+    reached = True
+    while reached:
+        reached = False
+        for corners in triangles:
+            lone = [corner for corner in corners if not carried[corner]]
+            if not lone or len(lone) == len(corners):
+                continue
+            common = set.intersection(*(carried[k] for k in corners if carried[k]))
+            walls = [k for k in common if not model.carriers.surfaces[k].is_plane]
+            for wall, corner in itertools.product(walls, lone):
+                if _is_on(model.carriers.surfaces[wall], model.solid.vertices[corner]):
+                    carried[corner].add(wall)
+                    reached = True
     return carried
+
+
+def _is_on(carrier: Carrier, point: Array) -> bool:
+    """Return whether a point (3,) is on a cylinder or cone."""
+    off = point - carrier.point
+    height = float(off @ carrier.axis)
+    radius = float(np.linalg.norm(off - height * carrier.axis))
+    rise = -height * carrier.lean / math.sqrt(1.0 - carrier.lean**2)
+    return abs(radius - carrier.radius_mm - rise) < _ON_WALL_MM
 
 
 class _RoundMesh:
@@ -393,6 +422,8 @@ class _RoundMesh:
         Their vertices.
     wall_of : array of int (t,)
         Number of the wall that each triangle lies on; -1 on flat faces.
+    face_of : array of int (t,)
+        Number of the face of the model that each triangle is part of.
     walls : list of Carrier
         Cylinders and cones.
     """
@@ -400,6 +431,7 @@ class _RoundMesh:
     def __init__(self, model: PartModel) -> None:
         self.points: Array = np.array(model.solid.vertices)
         self.triangles: NDArray[np.int64] = np.array(model.solid.triangles, dtype=np.int64)
+        self.face_of: NDArray[np.int64] = np.array(model.solid.triangle_face, dtype=np.int64)
         self._groups: list[frozenset[int]] = []
         self._number_of: dict[frozenset[int], int] = {}
         carried = _carried(model)
@@ -411,9 +443,9 @@ class _RoundMesh:
             wall = _round_carrier(model, carried[a] & carried[b] & carried[c])
             if wall is None:
                 continue
-            self.wall_of[row] = numbers.setdefault(id(wall), len(numbers))
+            self.wall_of[row] = numbers.setdefault(wall, len(numbers))
             if len(numbers) > len(self.walls):
-                self.walls.append(wall)
+                self.walls.append(model.carriers.surfaces[wall])
         self._circles: list[Circle] = []
         # sides (k, 2) that are chords of circles, and of which
         self._chords: NDArray[np.int64] = np.empty((0, 2), dtype=np.int64)
@@ -527,6 +559,7 @@ class _RoundMesh:
             [np.stack(corners, axis=1)[rows] for rows, *corners in pieces]
         )
         self.wall_of = np.concatenate([self.wall_of[rows] for rows, *_ in pieces])
+        self.face_of = np.concatenate([self.face_of[rows] for rows, *_ in pieces])
 
 
 def _rows_by(numbers: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
@@ -537,15 +570,12 @@ def _rows_by(numbers: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64
         yield int(numbers[rows[0]]), rows
 
 
-def _round_carrier(model: PartModel, common: Set[int]) -> Carrier | None:
-    """Return the cylinder or cone that a triangle is on, given what carries all of its corners; None if it is flat."""
-    round_one = None
-    for k in sorted(common):
-        carrier = model.carriers.surfaces[k]
-        if carrier.is_plane:
-            return None
-        round_one = round_one or carrier
-    return round_one
+def _round_carrier(model: PartModel, common: Set[int]) -> int | None:
+    """Return which cylinder or cone a triangle is on, given what carries all of its corners; None if it is flat."""
+    ordered = sorted(common)
+    if any(model.carriers.surfaces[k].is_plane for k in ordered):
+        return None
+    return ordered[0] if ordered else None
 
 
 def _half_ways(carrier: Carrier, first: Array, last: Array) -> Array:
@@ -637,7 +667,8 @@ class _Renderer:
         else:
             grey, face = self._smooth(pose, light, on_step)
             # light that rises evenly over a pixel is as in its middle
-            again = np.flatnonzero((_bends(grey) > _BENT) | _differs(face, 1))
+            bent = _bends(grey) > _BENT * grey.max()
+            again = np.flatnonzero(bent | _differs(face, 1))
             places = np.stack(list(self._within(again, rng)), axis=1)
             for block in np.array_split(np.arange(len(again)), _SAMPLES**2):
                 grey.flat[again[block]] = self._by_faces(places[block], pose, light)
@@ -716,7 +747,7 @@ class _Renderer:
             faces[part] = self._scene.faces_met(pose[:3, 3], self._rays(pixels[part], pose))
             on_step()
         face = faces.reshape(height, width)
-        bent = maximum_filter(_bends(coarse), 3) > _BENT_OF_FEW
+        bent = maximum_filter(_bends(coarse), 3) > _BENT_OF_FEW * coarse.max()
         near = np.ix_(np.arange(height) // _EVERY, np.arange(width) // _EVERY)
         # a face may end between a pixel and the next of the few, on either side
         uneven = np.flatnonzero(_differs(face, _EVERY) | (bent[near] & (face >= 0)))
@@ -738,7 +769,7 @@ class _Renderer:
         rays = self._rays(pixels, pose)
         eye = pose[:3, 3]
         if light.area is not None:
-            return SHADOW_SHARE + light.area.held(pose).brightness(self._scene, eye, rays)
+            return np.asarray(light.area.held(pose).brightness(self._scene, eye, rays))
         hit = self._scene.cast(eye, rays)
         depth = hit["t_hit"].astype(np.float64)
         met = np.isfinite(depth)
@@ -903,6 +934,9 @@ class Rehearsal:
             grey = self._renderer.image(pose, light, self._rng, tell)
             # as a person sets the exposure: by the brightest place beside what is measured
             grey /= max(self._bright(shot, grey, pose), 1e-9)
+            if light.area is not None:
+                # of the grey values, as lights with an area differ in how much of theirs reaches the camera
+                grey = SHADOW_SHARE + (1.0 - SHADOW_SHARE) * grey
             yield Rendered(shot, self._levels(white_share(grey) * grey), pose)
 
     def _levels(self, light: Array) -> NDArray[np.uint8 | np.uint16]:

@@ -31,6 +31,7 @@ from planner.exceptions import PlanFileError
 from planner.inspection import with_light
 from planner.measuring.measurer import Measurer
 from planner.measuring.rehearsal import CHORD_MM, DeviatingPart, Truth
+from planner.measuring.samples import PartModel
 from planner.measuring.seen_breaks import pixel_mm
 from planner.sensor_setting import Reason
 
@@ -209,6 +210,67 @@ def test_flat_faces_stay_flat_around_holes(plate, plan):
     fit, *_ = np.linalg.lstsq(columns, height[top], rcond=None)
     assert np.abs(columns @ fit - height[top]).max() < 1e-4
     assert np.abs(height[top] - TOP).max() > 0.005
+
+
+def test_flat_faces_are_shaded_as_flat(plate, plan):
+    """Slender triangles between holes lean, where both ends are moved by what else they are on."""
+    part = DeviatingPart(Measurer(plan, plate).model, 0.05, np.random.default_rng(3))
+    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(1, 79, 90), np.linspace(1, 49, 60)))
+    start = np.stack([x, y, np.full(len(x), TOP + 50.0)], axis=1)
+    hit = part.scene.cast(start, np.tile([0.0, 0.0, -1.0], (len(x), 1)))
+    top = np.isfinite(hit["t_hit"]) & (hit["t_hit"] < 51.0)
+    assert top.sum() > 3000
+    assert np.ptp(hit["primitive_normals"][top], axis=0).max() < 1e-6
+
+
+def test_a_cone_is_round_where_its_facets_meet_between_its_rims():
+    """A mesh may have a vertex within a countersink. It is on no edge."""
+    rings = []
+    for radius, height, angle in (
+        (10.0, 0.0, 2 * np.pi * np.arange(72) / 72),
+        (6.0, 5.0, 2 * np.pi * np.arange(72) / 72),
+        (8.0, 2.5, np.array([np.pi / 72])),
+    ):
+        ring = [radius * np.cos(angle), radius * np.sin(angle), np.full(len(angle), height)]
+        rings.append(np.stack(ring, axis=1))
+    faces = [list(range(72))[::-1], list(range(72, 144))]
+    for k in range(1, 72):
+        after = (k + 1) % 72
+        faces += [[k, after, 72 + after], [k, 72 + after, 72 + k]]
+    faces += [[0, 1, 144], [1, 73, 144], [73, 72, 144], [72, 0, 144]]
+    model = PartModel(Solid(np.concatenate(rings), faces, name="frustum"), {})
+    part = DeviatingPart(model, 0.0, np.random.default_rng(0))
+    angle = np.linspace(0.0, 2 * np.pi, 500, endpoint=False)
+    out = np.stack([np.cos(angle), np.sin(angle), np.zeros(500)], axis=1)
+    for height in (0.3, 2.0, 2.6, 4.7):
+        hit = part.scene.cast(20.0 * out + np.array([0.0, 0.0, height]), -out)
+        radius = 10.0 - 0.8 * height
+        np.testing.assert_allclose(20.0 - hit["t_hit"], radius, atol=1.1 * CHORD_MM)
+        expected = (out + np.array([0.0, 0.0, 0.8])) / np.hypot(1.0, 0.8)
+        np.testing.assert_allclose(hit["primitive_normals"], expected, atol=1e-5)
+
+
+def test_the_ground_is_dark_also_under_a_ring_light(plate, plan):
+    """Little of a ring's light reaches the camera, and the exposure allows for it."""
+    lit = with_light(changed(plan, settings=plan.settings[:1]), plate, Lighting("ring-light"))
+    (image,) = Rehearsal(lit, plate, exact_poses=True).images()
+    grey = image.grey.astype(float)
+    assert np.quantile(grey, 0.02) < 20
+    assert grey.max() > 150
+
+
+def test_rendered_edges_are_sharp_whatever_is_stated(plate, plan, tmp_path):
+    Rehearsal(plan, plate, seed=1).write(tmp_path)
+    stated = measure(plan, plate, tmp_path, edge_break_mm=(0.05, 0.1))
+    (note,) = [note for note in stated.notes if "with sharp edges" in note]
+    assert "edges are stated as broken by 0.05 to 0.1 mm" in note
+    for sharp in ({}, {"edge_break_mm": (0.0, 0.0)}):
+        assert not [
+            note for note in measure(plan, plate, tmp_path, **sharp).notes if "sharp edges" in note
+        ]
+    (tmp_path / "truth.json").unlink()
+    photographs = measure(plan, plate, tmp_path, edge_break_mm=(0.05, 0.1))
+    assert not [note for note in photographs.notes if "with sharp edges" in note]
 
 
 def plane_of_hits(scene, places):
