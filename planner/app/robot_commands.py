@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -32,6 +32,8 @@ from planner.robotprogram.program_steps import (
     check_axes,
     check_program_speed,
     check_signals,
+    has_lamps,
+    images_of,
 )
 from planner.robotprogram.program_texts import FORMATS, format_of_file, write_program
 from planner.robotprogram.robot_program import (
@@ -39,7 +41,6 @@ from planner.robotprogram.robot_program import (
     robot_program,
     robot_program_with_other_poses,
 )
-from planner.sensor_setting import image_name
 from planner.text_table import Column, count, print_table, print_text
 
 if TYPE_CHECKING:
@@ -127,17 +128,24 @@ def _print_program(made: RobotProgram) -> None:
     for k, why in made.unreached.items():
         print_text(f"setting {k + 1} is left out, because the robot does not reach it: {why}")
     states_p = any(stop.probability for tour in made.tours for stop in tour.stops)
+    switches = has_lamps(made)
     columns = [
         Column("part lies"),
         Column("setting", right=True),
         Column("image"),
+        *([Column("lamp on")] if switches else []),
         Column("joints (degrees)"),
         Column("move (s)", right=True),
     ]
     if states_p:
         columns.append(Column("smallest P", right=True))
         columns.append(Column("simulated", right=True))
-    rows = [_row(tour, stop, states_p) for tour in made.tours for stop in tour.stops]
+    rows = [
+        row
+        for tour in made.tours
+        for stop in tour.stops
+        for row in _rows(tour, stop, states_p, switches)
+    ]
     print_table(columns, rows)
     rounds = "1 round" if len(made.tours) == 1 else f"{len(made.tours)} rounds"
     detours = sum(move.is_detour for tour in made.tours for move in tour.moves)
@@ -182,26 +190,24 @@ def print_lamp_note(plan: InspectionPlan, cell: Cell) -> None:
     )
 
 
-def _row(tour: FixturedTour, stop: Stop, states_p: bool) -> tuple[str, ...]:
+def _rows(
+    tour: FixturedTour, stop: Stop, states_p: bool, switches: bool
+) -> Iterator[tuple[str, ...]]:
+    """Yield a row for each image of a stop; where lamps are switched, with those that must be on."""
     degrees = np.round(np.degrees(stop.joints), 1) + 0.0
     turned = "" if tour.turntable is None else f"table {degrees[-1]:g}°: "
     joint_angles = degrees if tour.turntable is None else degrees[:-1]
     angles = turned + " ".join(f"{angle:.1f}" for angle in joint_angles)
-    row = (
-        tour.fixturing,
-        str(stop.setting_idx + 1),
-        image_name(stop.setting_idx),
-        angles,
-        f"{stop.move.seconds:.1f}",
-    )
-    if not states_p:
-        return row
-    frequencies = [rate.frequency for rate in stop.simulated.values()]
-    return (
-        *row,
-        probability_text(min(stop.probability.values(), default=1.0)),
-        f"{min(frequencies):.4f}" if frequencies else "",
-    )
+    cells = [angles, f"{stop.move.seconds:.1f}"]
+    if states_p:
+        frequencies = [rate.frequency for rate in stop.simulated.values()]
+        cells.append(probability_text(min(stop.probability.values(), default=1.0)))
+        cells.append(f"{min(frequencies):.4f}" if frequencies else "")
+    for i, step in enumerate(images_of(stop)):
+        lamps = [", ".join(map(str, step.lamps))] if switches else []
+        # the arm stands still between the images of a stop
+        shown_cells = cells if i == 0 else [""] * len(cells)
+        yield (tour.fixturing, str(step.setting_idx + 1), step.image, *lamps, *shown_cells)
 
 
 _ROWS = 5

@@ -183,7 +183,7 @@ def _add_round(
         if isinstance(step, Drive):
             statements.move(step.axes, _duration(step.seconds))
         else:
-            statements.remark(step.image)
+            statements.remark(step.remark)
             _add_image(statements, signals)
 
 

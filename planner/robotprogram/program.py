@@ -27,6 +27,7 @@ from planner.argument_kinds import shown
 from planner.exceptions import PlanFileError
 from planner.files import read_json
 from planner.robotcell.arm import ControllerAxes
+from planner.sensor_setting import image_name
 from planner.verify.simulate_plan import promises_too_much
 from planner.verify.simulate_setting import SuccessRate
 
@@ -295,6 +296,22 @@ class StopRate:
         )
 
 
+@dataclass(frozen=True)
+class StopImage:
+    """One of several images that are taken at a stop, each with other lamps.
+
+    Attributes
+    ----------
+    image : str
+        Name of the file.
+    lamps : tuple of int
+        Numbers of the lamps that must be on, from 1 as in the plan's tables. None of a light with an area.
+    """
+
+    image: str
+    lamps: tuple[Annotated[int, Meta(ge=1, title="must be an integer from 1")], ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Stop:
     """A setting of the plan, and the move that leads to it.
@@ -318,6 +335,8 @@ class Stop:
         P of each target of the setting with this covariance; empty without.
     simulated : dict of str to StopRate
         The same by simulation; empty if it was not simulated.
+    images : tuple of StopImage
+        Where the setting takes several images, each with other lamps; empty if it takes one.
     """
 
     setting_idx: Annotated[
@@ -330,9 +349,15 @@ class Stop:
     covariance: Annotated[NDArray[np.float64] | None, Shape(6, 6)] = None
     probability: Mapping[str, Share] = field(default_factory=dict)
     simulated: Mapping[str, StopRate] = field(default_factory=dict)
+    images: tuple[StopImage, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joints", self.move.joints[-1])
+        for i, image in enumerate(self.images):
+            name = image_name(self.setting_idx, i)
+            if image.image != name:
+                place = field_name("images", i, "image")
+                raise PlanFileError.of_rule(place, f"must be {name}", shown(image.image))
         for name in self.simulated:
             if name not in self.probability:
                 rule = "must be of a name with a probability"

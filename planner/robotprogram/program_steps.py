@@ -29,6 +29,7 @@ from planner.robotprogram.program import (
     LeadingAxis,
     Move,
     RobotProgram,
+    Stop,
     leading_axis,
     move_times,
 )
@@ -53,6 +54,10 @@ AT_HOME = "At home the pendant shows"
 STILL_READY = "The camera still says that an image is taken."
 SILENT = "The camera does not answer."
 
+SWITCH_LAMPS = (
+    "Some settings take several images, each with other lamps: before each of these images, only the lamps "
+    "named with it must be on. This program switches no lamps."
+)
 NO_HOME_CHECK = "This file does not check where the robot stands: whoever drives it must."
 
 SIX_AXES = 6
@@ -261,19 +266,42 @@ class ImageStep:
     ----------
     setting_idx : int
         Index of the setting in the plan, from 0.
+    image : str
+        Name of the file, after the plan's setting.
+    lamps : tuple of int
+        Numbers of the lamps that must be on, from 1, where the setting takes several images.
     """
 
     setting_idx: int
-
-    @property
-    def image(self) -> str:
-        """Name of the file, after the plan's setting."""
-        return image_name(self.setting_idx)
+    image: str
+    lamps: tuple[int, ...] = ()
 
     @property
     def label(self) -> str:
         """The name without its suffix."""
         return self.image.rpartition(".")[0]
+
+    @property
+    def remark(self) -> str:
+        """The name, and which lamps must be on, such as "setting_01_2.png: lamp 2 on"."""
+        if not self.lamps:
+            return self.image
+        numbers = ", ".join(map(str, self.lamps))
+        return f"{self.image}: lamp{'s' * (len(self.lamps) > 1)} {numbers} on"
+
+
+def images_of(stop: Stop) -> tuple[ImageStep, ...]:
+    """Return the images that are taken at a stop: one, or several with other lamps."""
+    k = stop.setting_idx
+    if not stop.images:
+        return (ImageStep(k, image_name(k)),)
+    return tuple(ImageStep(k, image.image, image.lamps) for image in stop.images)
+
+
+def has_lamps(program: RobotProgram) -> bool:
+    """Return whether lamps must be switched between the images of a stop."""
+    stops = (stop for tour in program.tours for stop in tour.stops)
+    return any(image.lamps for stop in stops for image in stop.images)
 
 
 def steps_of(tour: FixturedTour, program: RobotProgram) -> Iterator[Drive | ImageStep]:
@@ -281,7 +309,7 @@ def steps_of(tour: FixturedTour, program: RobotProgram) -> Iterator[Drive | Imag
     rates = program.rates_of(tour)
     for stop in tour.stops:
         yield from _drives(stop.move, rates, program.controller)
-        yield ImageStep(stop.setting_idx)
+        yield from images_of(stop)
     yield from _drives(tour.back, rates, program.controller)
 
 
@@ -318,6 +346,7 @@ def head_lines(program: RobotProgram, made: date, notation: PoseNotation) -> lis
         "Joints: " + ", ".join(plain(name, 40) for name in program.joint_names),
         f"Settings: {program.n_stops}; moves take {program.seconds:.1f} s at the program's speed, "
         f"which is {100 * program.speed:.3g} % of the joints' speeds",
+        *([SWITCH_LAMPS] if has_lamps(program) else []),
         *(_turntable_lines(program)),
         *_axes_lines(program),
         *_home_lines(program),

@@ -51,8 +51,10 @@ from planner.robotprogram.program_steps import (
     check_signals,
     degrees,
     euler_words,
+    has_lamps,
     head_lines,
     home_words,
+    images_of,
     plain,
     quaternion_words,
     radians,
@@ -133,7 +135,7 @@ def _round(tour: FixturedTour, program: RobotProgram, percent: int) -> list[str]
         if isinstance(step, Drive):
             lines.append(f"PTP {_axes(step.axes)}")
         else:
-            lines += [f"; {step.image}", "take_image( )"]
+            lines += [f"; {step.remark}", "take_image( )"]
     return lines
 
 
@@ -298,6 +300,8 @@ def _add_round(
             seconds = max(step.seconds, LEAST_S)
             body.append(f"    MoveAbsJ {name},v1000\\T:={seconds:.3f},fine,tool0;")
         else:
+            # a comment of RAPID has its own line
+            body += [f"    ! {step.remark}"] * bool(step.lamps)
             body.append(f'    TakeImage "{step.image}";')
 
 
@@ -415,7 +419,7 @@ def ros_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
                     for stop in tour.stops
                     for step in (
                         _trajectory(stop.move, tour, program),
-                        _image(ImageStep(stop.setting_idx), signals),
+                        *(_image(picture, signals) for picture in images_of(stop)),
                     )
                 ]
                 + [_trajectory(tour.back, tour, program)],
@@ -460,6 +464,7 @@ def _image(picture: ImageStep, signals: CameraSignals) -> dict[str, Any]:
         "trigger": picture.label,
         "trigger_s": signals.pulse_s,
         "image": picture.image,
+        **({"lamps": list(picture.lamps)} if picture.lamps else {}),
         "wait_for_camera_s": signals.longest_s,
     }
 
@@ -501,6 +506,8 @@ def _point(joints: np.ndarray, speeds: Sequence[float], seconds: float) -> dict[
 
 
 _FIRST = ("fixturing", "step", "seconds", "setting", "image")
+# where a setting takes several images: numbers of the lamps that must be on
+_LAMPS = "lamps"
 
 
 def csv_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
@@ -518,21 +525,25 @@ def csv_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
     names = [*program.joint_names, *([TURNTABLE] if program.turns else [])]
     coupled = sorted({axis for axis, _, _ in program.controller.coupled})
     columns = [f"{plain(name, 40)}_rad" for name in names]
-    heading = [*_FIRST, *columns, *(f"axis_{axis}_of_controller_rad" for axis in coupled)]
+    lamps = [_LAMPS] if has_lamps(program) else []
+    heading = [*_FIRST, *lamps, *columns, *(f"axis_{axis}_of_controller_rad" for axis in coupled)]
     table: list[list[str]] = []
+    blank = [""] * len(lamps)
     for tour in program.tours:
         name = plain(tour.fixturing, 40)
         home = _angles(program.home_of(tour), program, coupled, len(names))
-        table.append(_row(name, "start", 0.0, home))
+        table.append(_row(name, "start", 0.0, [*blank, *home]))
         for step in steps_of(tour, program):
             if isinstance(step, Drive):
                 angles = _angles(step.joints, program, coupled, len(names))
-                table.append(_row(name, "move", step.seconds, angles))
+                table.append(_row(name, "move", step.seconds, [*blank, *angles]))
             else:
-                # the image is taken where the last move ended
+                # the image is taken where the last move ended; a further one there has its own row
+                if table[-1][1] == "image":
+                    table.append([*table[-1][:2], NumberText("0.000"), *table[-1][3:]])
+                first = [str(step.setting_idx + 1), step.image, " ".join(map(str, step.lamps))]
                 table[-1][1] = "image"
-                table[-1][3] = str(step.setting_idx + 1)
-                table[-1][4] = step.image
+                table[-1][3 : 5 + len(lamps)] = first[: 2 + len(lamps)]
     head = [
         *head_lines(program, made, quaternion_words),
         NO_HOME_CHECK,
@@ -671,6 +682,7 @@ def _round_of_urscript(tour: FixturedTour, program: RobotProgram) -> list[str]:
             speed = rate_text(step.lead.speed, "speed")
             lines.append(f"  movej({_joints(step.axes)}, a={acceleration}, v={speed})")
         else:
+            lines += [f"  # {step.remark}"] * bool(step.lamps)
             lines.append(f'  take_image("{step.image}")')
     return lines
 

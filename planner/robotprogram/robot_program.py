@@ -43,9 +43,11 @@ from planner.robotprogram.program import (
     Move,
     RobotProgram,
     Stop,
+    StopImage,
     StopRate,
     program_warnings,
 )
+from planner.sensor_setting import image_name
 from planner.travel import EXACT_UP_TO, quick_length, shortest_tour
 from planner.verify.simulate_setting import simulate_setting
 
@@ -603,6 +605,17 @@ def _rounded_down(value: float) -> float:
     return float(f"{np.floor(value / step * (1 + 1e-12)) * step:.1e}")
 
 
+def _stop_images(plan: InspectionPlan, k: int) -> tuple[StopImage, ...]:
+    """Return the images of setting k, from 0, each with its lamps; none if it takes one image."""
+    lit = () if plan.light is None else plan.light.images[k]
+    if len(lit) < 2:
+        return ()
+    return tuple(
+        StopImage(image_name(k, i), tuple(lamp + 1 for lamp in image.lamps))
+        for i, image in enumerate(lit)
+    )
+
+
 @dataclass(frozen=True)
 class _Reached:
     """How a setting is reached in one fixturing."""
@@ -850,8 +863,9 @@ class _ProgramMaker:
             float(robot.singular_value(robot_joints[None])[0]),
         )
         flange = robot.forward(robot_joints)
+        images = _stop_images(self._plan, k)
         if reached.covariances is None:
-            return Stop(k, flange, move, state)
+            return Stop(k, flange, move, state, images=images)
         covariance = reached.covariances[branch]
         stated = reached.probabilities[branch]
         rates = {}
@@ -860,7 +874,7 @@ class _ProgramMaker:
             rates = simulated_rates(
                 self._plan, setting, stated, covariance, self._simulate, [self._seed, k]
             )
-        return Stop(k, flange, move, state, covariance, stated, rates)
+        return Stop(k, flange, move, state, covariance, stated, rates, images)
 
     def _digests(self) -> dict[str, str]:
         digests = {"plan": self._plan.digest}

@@ -39,7 +39,10 @@ class _Stop(NamedTuple):
 
 _Text = Sequence[tuple[int, str]]
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
-_IMAGE = re.compile(r"(setting_\d+)\.png")
+# several images of a stop are named setting_01_1 and so on, each with its lamps
+_NAME = r"(setting_\d+)(?:_\d+)?\.png"
+_IMAGE = re.compile(_NAME)
+_REMARK = re.compile(_NAME + r"(?:: lamps? [\d, ]+ on)?\s*")
 
 
 def is_program(text: str, data: Any) -> bool:
@@ -88,7 +91,12 @@ def read_stops(path: Path, text: str, data: Any, cell: Cell | None) -> tuple[Giv
     if cell is None:
         rule = "must be given for a robot program, which holds joints and no poses"
         raise RequestError.of_rule("cell", rule, "none")
-    return tuple(_pose_of(path, stop, cell, _holds_axes(path, data)) for stop in stops)
+    # several images of a stop have one pose
+    first: dict[tuple[Any, ...], _Stop] = {}
+    for stop in stops:
+        first.setdefault((stop.name, stop.fixturing, stop.angles), stop)
+    holds_axes = _holds_axes(path, data)
+    return tuple(_pose_of(path, stop, cell, holds_axes) for stop in first.values())
 
 
 def _stops(path: Path, text: str, data: Any) -> Iterator[_Stop]:
@@ -157,7 +165,7 @@ def _of_urscript(path: Path, lines: _Text) -> Iterator[_Stop]:
             fixturing = match[1].strip()
         elif match := re.match(r"\s*movej\(\[([^\]]*)\]", text):
             angles = _numbers(path, line, match[1].split(","))
-        elif match := re.match(r'\s*take_image\("(setting_\d+)\.png"\)', text):
+        elif match := re.match(rf'\s*take_image\("{_NAME}"\)', text):
             yield _Stop(match[1], fixturing, line, _after_move(path, line, angles))
 
 
@@ -176,7 +184,7 @@ def _of_rapid(path: Path, lines: _Text) -> Iterator[_Stop]:
             if match[1] not in targets and match[1] != "jHome":
                 _refuse(path, line, "a move must be to a target of the module", repr(match[1]))
             angles = targets.get(match[1])
-        elif match := re.match(r'\s*TakeImage "(setting_\d+)\.png";', text):
+        elif match := re.match(rf'\s*TakeImage "{_NAME}";', text):
             yield _Stop(match[1], fixturing, line, _after_move(path, line, angles))
 
 
@@ -189,7 +197,7 @@ def _of_krl(path: Path, lines: _Text) -> Iterator[_Stop]:
         elif match := re.match(r"\s*PTP \{(.*)\}", text):
             words = [word.split()[-1] for word in match[1].split(",")]
             angles = tuple(np.radians(_numbers(path, line, words)).tolist())
-        elif match := re.match(r"; (setting_\d+)\.png\s*\Z", text):
+        elif text.startswith("; ") and (match := _REMARK.fullmatch(text[2:])):
             yield _Stop(match[1], fixturing, line, _after_move(path, line, angles))
 
 
@@ -209,7 +217,7 @@ def _of_fanuc(path: Path, lines: _Text) -> Iterator[_Stop]:
             if match[1] not in positions:
                 _refuse(path, line, "a move must be to a position of the program", f"P[{match[1]}]")
             angles = positions[match[1]]
-        elif match := _IMAGE.fullmatch(remark):
+        elif match := _REMARK.fullmatch(remark):
             yield _Stop(match[1], fixturing, line - 1, _after_move(path, line, angles))
         if not statement.startswith("!"):
             remark = ""

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from robot_cells import ROBOTS
 
-from planner import Backlight, Cell, LightPlan, read_plan
+from planner import Backlight, Cell, LightPlan, LitImage, read_plan
 from planner.app.main import main
 from planner.app.robot_commands import print_lamp_note
+from planner.measuring.images import shots_of
 
 ROOT = Path(__file__).parents[3]
 PLAN = ROOT / "examples/two_pocket_block_plan.json"
@@ -60,6 +61,23 @@ def test_lamps_are_said_to_be_no_obstacles_where_they_stand_somewhere(capsys):
     printed = " ".join(capsys.readouterr().out.split())
     assert "no obstacle of the cell: a backlight of 200 x 160 mm at (40, 25, 0) mm" in printed
     assert "State it as [fixturings.NAME.light]" in printed
+
+
+@pytest.mark.usefixtures("own_folder")
+def test_the_printed_images_are_those_that_measure_asks_for_with_their_lamps(capsys):
+    plan = read_plan(PLAN)
+    names = plan.settings[0].entities
+    lit = tuple(LitImage((lamp,), {name: 0.5}) for lamp, name in enumerate(names[:2]))
+    places = np.array([[100.0, 20.0, 300.0], [0.0, 20.0, 300.0]])
+    light = LightPlan("placed", 0.1, 0.1, "dark", places, (lit,), ({},), 1, "by hand")
+    plan = replace(plan, light=light)
+    plan.write("plan.json")
+    words = ["--sigma-joints", "0.1mrad", "--simulate", "100"]
+    assert main(["program", "plan.json", *GIVEN[1:], *words]) == 0
+    rows = re.findall(r"\b1 +(setting_\S+) +(\d)\b", capsys.readouterr().out)
+    asked = [f"{shot.name}.png" for shot in shots_of(plan)]
+    assert asked == ["setting_01_1.png", "setting_01_2.png"]
+    assert rows == list(zip(asked, ("1", "2"), strict=True))
 
 
 @pytest.mark.usefixtures("own_folder")

@@ -292,8 +292,9 @@ def run_fanuc(statements, positions, world):
                 world.sleep(int(match[2].removesuffix("msec")) / 1000)
         elif not re.fullmatch(r"LBL\[\d+\]|UFRAME_NUM=0|UTOOL_NUM=0", line):
             raise AssertionError(line)
-        if re.fullmatch(r"setting_\d+\.png", remark):
-            world.images.append(remark)
+        # a name may be followed by its lamps
+        if match := re.fullmatch(r"(setting_\d+(?:_\d+)?\.png)(?:: lamps? [\d, ]+ on)?", remark):
+            world.images.append(match[1])
         remark = ""
     world.finish_pulse()
 
