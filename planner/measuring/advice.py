@@ -193,7 +193,9 @@ def sharp_note(images: object, states: Iterable[EdgeState]) -> str:
     )
 
 
-def plan_notes(plan: InspectionPlan, how: Registration, images: object) -> list[str]:
+def plan_notes(
+    plan: InspectionPlan, how: Registration, images: object, states: Iterable[EdgeState] = ()
+) -> list[str]:
     """Return notes on what a plan counts on in vain, and on what it leaves out of the CAD model.
 
     Parameters
@@ -204,8 +206,11 @@ def plan_notes(plan: InspectionPlan, how: Registration, images: object) -> list[
         How the poses of the images are known.
     images : path or mapping
         Where they are from.
+    states : iterable of EdgeState, optional
+        How edges are taken to be broken.
     """
-    notes = [text for text in [rendered_note(plan, images)] if text]
+    texts = [rendered_note(plan, images), sharp_note(images, states)]
+    notes = [text for text in texts if text]
     if plan.light_missing:
         notes.append(
             "light was requested and is not planned yet, so nothing is promised of contrast"

@@ -36,7 +36,6 @@ from planner.measuring.advice import (
     of_poses,
     plan_notes,
     rendered_note,
-    sharp_note,
     with_advice,
 )
 from planner.measuring.images import ImageSet, Picture, Shot, read_images, shots_of
@@ -372,21 +371,14 @@ class Measurer:
         readings = self._readings(response, registered, joint, options, progress)
         report(progress, 0, 1, _DECIDING)
         self._add_unregistered(readings, failed)
-        results = self._merged(readings, joint, options.rule)
-        results |= self._not_planned(options.rule)
+        results = self._merged(readings, joint, options.rule) | self._not_planned(options.rule)
         why = self._why_unregistered(failed)
         results |= self._of_several_images(response, registered, why, joint, options)
         notes = image_notes(self.plan, self.model.edges.scene, pictures, registered, readings)
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
         unseen = self._unseen(results, states, registered, options)
-        drawn = sharp_note(images, states.values())
-        of_images = (
-            *image_set.notes,
-            *filter(None, [drawn]),
-            *response.notes(readings),
-            *edge_notes,
-            *joint.notes,
-        )
+        of_images = (*image_set.notes, *response.notes(readings), *edge_notes, *joint.notes, *notes)
+        of_plan = plan_notes(self.plan, options.registration, images, states.values())
         report(progress, 1, 1, _DECIDING)
         return MeasurementResults(
             {name: self._with_foreseen(results[name]) for name in self.plan.entities},
@@ -396,7 +388,7 @@ class Measurer:
             serial,
             self._correlation(results, joint),
             self._source(image_set, operator),
-            (*of_images, *notes, *wide, *plan_notes(self.plan, options.registration, images)),
+            (*of_images, *wide, *of_plan),
             pictures,
             response.records(),
             edges_text(results, states, unseen) + _AS_SHOWN * (broken is not None),
