@@ -220,7 +220,7 @@ def fitted(faces: Faces, grey: Array) -> Lamp:
 
 
 def _places(faces: Faces) -> Array:
-    """Return places of lamps (n, 3) around the faces, on the camera's side and a little behind it."""
+    """Return places of lamps (n, 3): at the camera, and around the faces, on its side and a little behind it."""
     towards = faces.eye - faces.middle
     distance = np.linalg.norm(towards)
     axis = towards / distance
@@ -233,7 +233,9 @@ def _places(faces: Faces) -> Array:
     flat = np.sqrt(1.0 - height**2)
     ways = np.stack([flat * np.cos(turn), flat * np.sin(turn), height], axis=1)
     ways = ways @ np.stack([first, second, axis])
-    return np.concatenate([faces.middle + far * distance * ways for far in _FAR])
+    around = [faces.middle + far * distance * ways for far in _FAR]
+    # of a lamp on the camera, walls that are seen at a small angle tell more than the steps of the grid
+    return np.concatenate([faces.eye[None], *around])
 
 
 def _moved(faces: Faces, place: Array, move: Array) -> Array:

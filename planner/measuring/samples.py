@@ -61,7 +61,7 @@ _BESIDE_LEAST_PX = np.array([2.5, 3.75, 5.0])
 MOST_BY_SLOPES_PX = 0.1
 """What moves an edge by more is the other side of a broken edge, or a shadow, and no slope of light."""
 MOST_IF_SHARP_PX = 0.5
-"""The same if edges are stated as sharp: walls of bores under a dome move their rims by up to 0.3 px."""
+"""The same if edges are stated as sharp: walls of bores under a dome move their rims by 0.15 px and more."""
 # slopes that move an edge by so much are certain
 _SURE_PX = 0.05
 # of what slopes are known to move an edge, this share is not known; and of the unknown, px count at most

@@ -483,13 +483,7 @@ def test_a_split_value_says_why_its_image_cannot_be_used(solid, plan):
         assert f"{name}: the image cannot be registered" in reason
 
 
-# the lamp that fits an image of so few faces is known roughly, and may seem to light a wall that is dark
-UNREAD = pytest.mark.xfail(
-    reason="a quarter of a rim counts as next to a shadow that is not there", strict=True
-)
-
-
-@pytest.mark.parametrize("seed", [pytest.param(0, marks=UNREAD), 1, 2])
+@pytest.mark.parametrize("seed", [0, 1, 2])
 def test_rendered_holes_lie_within_u_of_their_positions(solid, bolt_plan, seed):
     # `benchmarks/images/rendered_positions.py` counts over hundreds of draws
     rehearsal = Rehearsal(bolt_plan, solid, seed=seed)
