@@ -11,12 +11,13 @@ import re
 import shutil
 import stat
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
+from numbers import Integral
 from pathlib import Path
 from typing import IO, Any
 
@@ -433,7 +434,7 @@ class SolidChoice:
 
     Attributes
     ----------
-    measured : str, or sequence of int or str, optional
+    measured : int, str, or sequence of them, optional
         Solids whose edges can be entities, by their numbers, counted from 0 in the order of the
         file, or by their names: of a product, an instance or the solid. ``bracket:2`` is the second one
         of several with this name, ``bracket:all`` are all of them. Default: all that are not
@@ -445,7 +446,7 @@ class SolidChoice:
     Raises
     ------
     ReadError
-        A solid is both, or no solid remains.
+        A solid is both, or no solid remains, or one is neither a number nor a name.
 
     Examples
     --------
@@ -460,14 +461,15 @@ class SolidChoice:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        if isinstance(self.measured, str):
-            # text is a sequence of letters, too
-            object.__setattr__(self, "measured", (self.measured,))
+        if self.measured is not None:
+            object.__setattr__(self, "measured", _solids("solids", self.measured))
         if isinstance(self.occluders, str) and self.occluders != "all":
             raise ReadError.of_rule(
                 "occluders", "must be 'all', or a list of numbers or names", repr(self.occluders)
             )
-        if self.occluders == "all" and self.measured is None:
+        if self.occluders != "all":
+            object.__setattr__(self, "occluders", _solids("occluders", self.occluders))
+        elif self.measured is None:
             raise ReadError.of_rule(
                 "occluders",
                 "must be numbers or names where solids does not say which are measured",
@@ -545,12 +547,21 @@ def _in_numbers(
     return numbers
 
 
+def _solids(parameter: str, solids: Any) -> tuple[int | str, ...]:
+    """Return solids as numbers and names; a single one stands for itself, and text is one name."""
+    single = isinstance(solids, str | bytes) or not isinstance(solids, Iterable)
+    checked: list[int | str] = []
+    for solid in (solids,) if single else solids:
+        is_number = isinstance(solid, Integral) and not isinstance(solid, bool)
+        if not is_number and not isinstance(solid, str):
+            rule = "must be numbers or names of solids"
+            raise ReadError.of_rule(parameter, rule, repr(solid))
+        checked.append(int(solid) if is_number else solid)
+    return tuple(checked)
+
+
 def as_choice(solids: int | str | Sequence[int | str] | SolidChoice | None) -> SolidChoice:
     """Return a choice as a `SolidChoice`."""
     if isinstance(solids, SolidChoice):
         return solids
-    if solids is None or isinstance(solids, str):
-        return SolidChoice(solids)
-    if isinstance(solids, int):
-        return SolidChoice((solids,))
-    return SolidChoice(tuple(solids))
+    return SolidChoice(None if solids is None else _solids("solids", solids))

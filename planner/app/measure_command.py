@@ -50,7 +50,7 @@ from planner.progress import report, terminal_progress, visible, work_shown
 from planner.report import terminal_tables
 from planner.report.measured_report import measured_html, print_results
 from planner.request.edge_state import EdgeState
-from planner.text_table import print_text
+from planner.text_table import count, print_text
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -124,8 +124,8 @@ def measure(options: Measure) -> int:
         if files:
             terminal_tables.print_written(files, path_text(out), files[-1])
     if reasons:
-        count = f"{len(reasons)} of {len(parts)} parts"
-        write_error(visible(f"aspectgraph: {count} not measured: {', '.join(reasons)}"))
+        share = f"{len(reasons)} of {len(parts)} parts"
+        write_error(visible(f"aspectgraph: {share} not measured: {', '.join(reasons)}"))
     codes = [
         outcome.code if isinstance(outcome, _Reason) else _code(outcome, options.exit)
         for outcome in outcomes
@@ -172,10 +172,17 @@ def _rendered_texts(
         why = which if plan.light_missing else "the plan has no light"
         yield f"{why}; a lamp on the camera lights the images"
     state = EdgeState.planned(plan.request.edge_break_mm)
-    if state.stated and not state.is_sharp:
+    breaks = {name: getattr(target, "edge_break_mm", None) for name, target in plan.targets.items()}
+    broken = [name for name, limits in breaks.items() if any(limits or ())]
+    if not state.is_sharp:
         yield (
             f"edges are drawn sharp, and the plan states that they are {state}; measure these images with "
             "--edges sharp"
+        )
+    if broken:
+        yield (
+            f"edges are drawn sharp, and {count(len(broken), 'target')} of the plan, such as {broken[0]}, count on "
+            "broken ones; their values are off by about as much"
         )
     sigma = rehearsal.truth.surfaces_mm
     if sigma:

@@ -189,7 +189,8 @@ def sharp_note(images: object, states: Iterable[EdgeState]) -> str:
         return ""
     return (
         f"the images are rendered, with sharp edges, and edges are stated as {broken[0]}: values are off by "
-        "about as much. --edges sharp measures what is drawn (edge_break_mm=(0, 0) in Python)"
+        "about as much. --edges sharp (edge_break_mm=(0, 0) in Python) measures what is drawn, but for targets with "
+        "edges of their own"
     )
 
 

@@ -23,7 +23,15 @@ from ground.convert import to_plain
 from planner.argument_kinds import check_kinds, check_path
 from planner.callbacks import PICTURES_SHARE, Deadline
 from planner.exceptions import OutputError
-from planner.files import absolute, is_running, name_text, staged_folder, timestamp, write_text
+from planner.files import (
+    absolute,
+    is_running,
+    name_text,
+    output_folder,
+    staged_folder,
+    timestamp,
+    write_text,
+)
 from planner.plan import InspectionPlan
 from planner.progress import TimeIsUpError, report
 from planner.report.page import make_report
@@ -292,7 +300,7 @@ def write_poses(plan: InspectionPlan, folder: str | os.PathLike[str]) -> list[Pa
     plan : InspectionPlan
         The plan with the poses and the camera.
     folder : str or os.PathLike
-        An existing folder.
+        The folder; it is made if there is none.
 
     Returns
     -------
@@ -302,7 +310,7 @@ def write_poses(plan: InspectionPlan, folder: str | os.PathLike[str]) -> list[Pa
     Raises
     ------
     OutputError
-        If a file cannot be written.
+        If the folder cannot be made, or a file cannot be written.
 
     Examples
     --------
@@ -327,9 +335,10 @@ def write_poses(plan: InspectionPlan, folder: str | os.PathLike[str]) -> list[Pa
         colmap_images(plan),
         "# no points: the poses are planned, not reconstructed\n",
     )
-    (folder / "colmap").mkdir(exist_ok=True)
-    for name, text in zip(POSE_FILES, texts, strict=True):
-        write_text(folder / name, text)
+    with output_folder(folder, POSE_FILES, "folder") as place:
+        for name, text in zip(POSE_FILES, texts, strict=True):
+            (place / name).parent.mkdir(exist_ok=True)
+            write_text(place / name, text)
     return sorted(folder / name for name in POSE_FILES)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from aspectgraph import ReadError, SolidChoice, SolidEntry, list_solids, read_solid
@@ -187,3 +188,17 @@ def test_missing_and_quoted_names_are_read(tmp_path):
 def test_other_files_have_no_list(tmp_path):
     with pytest.raises(ReadError, match="path must name a STEP file"):
         list_solids(EXAMPLES / "two_pocket_block.off")
+
+
+@pytest.mark.parametrize("solids", [1.5, [1.5], True, b"bolt", ["bolt", None], [[0]]])
+@pytest.mark.parametrize("parameter", ["solids", "occluders"])
+def test_solids_are_numbers_or_names(solids, parameter):
+    given = {"measured" if parameter == "solids" else parameter: solids}
+    with pytest.raises(ReadError, match=rf"^{parameter} must be numbers or names of solids\. Got "):
+        SolidChoice(**given)
+
+
+def test_numbers_of_other_kinds_are_solids():
+    assert SolidChoice(np.array([2, 0])).measured == (2, 0)
+    assert SolidChoice(np.int64(1)).measured == (1,)
+    assert SolidChoice("bolt", [np.int32(3)]).occluders == (3,)

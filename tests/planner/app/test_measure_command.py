@@ -14,7 +14,7 @@ from PIL import Image
 from plan_examples import changed
 
 from aspectgraph import read_solid
-from planner import Lighting
+from planner import Lighting, read_plan
 from planner.app.main import main
 from planner.identity import PartRecord
 
@@ -327,6 +327,26 @@ def test_a_rehearsal_without_deviations_says_so(folder, capsys, tmp_path, more, 
         "the plan states no deviation of faces, so the part is rendered as designed; --surfaces-mm"
     )
     assert capsys.readouterr().err.count(note) == n
+
+
+def test_a_rehearsal_says_that_its_edges_are_sharp(folder, capsys):
+    """What is stated of the whole part has an option that overrules it; what a target states has none."""
+    plan = read_plan(folder / "plan.json")
+    name = next(iter(plan.targets))
+    own = replace(plan.targets[name], edge_break_mm=(0.02, 0.1))
+    changes = {
+        "plain": (plan, 0, 0),
+        "stated": (changed(plan, edge_break_mm=(0.05, 0.1)), 1, 0),
+        "own": (changed(plan, targets=(own, *list(plan.targets.values())[1:])), 0, 1),
+    }
+    for key, (one, n_stated, n_own) in changes.items():
+        path = folder / f"sharp_{key}.json"
+        one.write(path)
+        words = ["render", str(path), "--part", str(folder / "plate.off"), "--units", "mm"]
+        assert main([*words, "--out", str(folder / f"sharp_{key}")]) == 0
+        text = capsys.readouterr().err
+        assert text.count("the plan states that they are broken by 0.05 to 0.1 mm") == n_stated
+        assert text.count(f"1 target of the plan, such as {name}, count on broken ones") == n_own
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 import yaml
 from plan_examples import CAMERA, LIGHT, plan
 
-from planner import Camera
+from planner import Camera, OutputError
 from planner.report.plan_folder import inverse, write_poses
 from planner.sensor_setting import image_name
 
@@ -263,6 +263,14 @@ def test_plan_without_settings_is_still_well_formed(tmp_path):
     assert len(write_poses(empty, tmp_path)) == 8
     assert "poses: []" in (tmp_path / "poses_ros.yaml").read_text()
     assert json.loads((tmp_path / "transforms.json").read_text())["frames"] == []
+
+
+def test_a_folder_that_is_not_there_is_made(tmp_path):
+    folder = tmp_path / "new" / "poses"
+    files = write_poses(plan(), folder)
+    assert sorted(path for path in folder.rglob("*") if path.is_file()) == files
+    with pytest.raises(OutputError, match=r"^folder must be a folder\."):
+        write_poses(plan(), files[0])
 
 
 def test_inverse_undoes_a_pose():
