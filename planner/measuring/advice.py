@@ -159,7 +159,7 @@ def unregistered_note(plan: InspectionPlan) -> str:
     )
 
 
-def _digest_of_rendering(images: object) -> str:
+def digest_of_rendering(images: object) -> str:
     """Return the digest of the plan that images were rendered for, as the file beside them states; "" of others."""
     if not isinstance(images, str | os.PathLike):
         return ""
@@ -171,9 +171,8 @@ def _digest_of_rendering(images: object) -> str:
     return digest if isinstance(digest, str) else ""
 
 
-def rendered_note(plan: InspectionPlan, images: object) -> str:
-    """Return the note on a folder whose images were rendered for another plan; nothing of other images."""
-    digest = _digest_of_rendering(images)
+def rendered_note(plan: InspectionPlan, digest: str) -> str:
+    """Return the note on images that were rendered for another plan, given the digest of theirs; nothing of others."""
     if digest in ("", plan.digest):
         return ""
     return (
@@ -182,10 +181,10 @@ def rendered_note(plan: InspectionPlan, images: object) -> str:
     )
 
 
-def sharp_note(images: object, states: Iterable[EdgeState]) -> str:
-    """Return the note on rendered images, whose edges are sharp, if edges are stated as broken; nothing of others."""
+def sharp_note(digest: str, states: Iterable[EdgeState]) -> str:
+    """Return the note on rendered images, which have a digest, if edges are stated as broken: theirs are sharp."""
     broken = [state for state in states if state.stated and not state.is_sharp]
-    if not broken or not _digest_of_rendering(images):
+    if not broken or not digest:
         return ""
     return (
         f"the images are rendered, with sharp edges, and edges are stated as {broken[0]}: values are off by "
@@ -195,7 +194,7 @@ def sharp_note(images: object, states: Iterable[EdgeState]) -> str:
 
 
 def plan_notes(
-    plan: InspectionPlan, how: Registration, images: object, states: Iterable[EdgeState] = ()
+    plan: InspectionPlan, how: Registration, digest: str, states: Iterable[EdgeState]
 ) -> list[str]:
     """Return notes on what a plan counts on in vain, and on what it leaves out of the CAD model.
 
@@ -205,12 +204,12 @@ def plan_notes(
         The plan.
     how : Registration
         How the poses of the images are known.
-    images : path or mapping
-        Where they are from.
-    states : iterable of EdgeState, optional
+    digest : str
+        Of the plan that the images were rendered for; empty of others, see `digest_of_rendering`.
+    states : iterable of EdgeState
         How edges are taken to be broken.
     """
-    texts = [rendered_note(plan, images), sharp_note(images, states)]
+    texts = [rendered_note(plan, digest), sharp_note(digest, states)]
     notes = [text for text in texts if text]
     if plan.light_missing:
         notes.append(

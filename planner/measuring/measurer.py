@@ -31,6 +31,7 @@ from planner.identity import PartRecord
 from planner.measuring.advice import (
     advice_of_images,
     advised,
+    digest_of_rendering,
     image_notes,
     lacks_registration,
     of_poses,
@@ -347,10 +348,10 @@ class Measurer:
         """
         camera = self._camera(options)
         report(progress, 0, len(self.shots), _PREPARING)
-        # before images are read, which takes long
         wide = _wide_note(self.model.solid, self.plan, options.registration)
+        drawn_for = digest_of_rendering(images)
         reading = {"partial": partial, "allow_lossy": allow_lossy}
-        stranger = rendered_note(self.plan, images)
+        stranger = rendered_note(self.plan, drawn_for)
         image_set = read_images(images, self.shots, camera, stranger=stranger, **reading)
         pictures = _pictures(image_set, camera, progress)
         registered, failed = self._all_registered(pictures, options, progress)
@@ -378,7 +379,7 @@ class Measurer:
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
         unseen = self._unseen(results, states, registered, options)
         of_images = (*image_set.notes, *response.notes(readings), *edge_notes, *joint.notes, *notes)
-        of_plan = plan_notes(self.plan, options.registration, images, states.values())
+        of_plan = plan_notes(self.plan, options.registration, drawn_for, states.values())
         report(progress, 1, 1, _DECIDING)
         return MeasurementResults(
             {name: self._with_foreseen(results[name]) for name in self.plan.entities},
@@ -1069,6 +1070,8 @@ class Measurer:
 
 def _wide_note(solid: Solid, plan: InspectionPlan, how: Registration) -> list[str]:
     """Return a note on faces that are stated to deviate by more than images tell; none otherwise.
+
+    It is found before images are read, which takes long.
 
     Raises
     ------
