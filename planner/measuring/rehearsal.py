@@ -1,9 +1,9 @@
 """Images of a plan, rendered: to rehearse measuring before there is a camera.
 
 The part may deviate from its model, and the camera from its poses. Rays with the plan's light, or with a light on the
-camera, give the grey values of a matt part. Light from face to face, gloss and lenses are left out. So the images tell
-whether plan, part, files and commands fit together, and how large errors of position are; they do not tell how a real
-part looks.
+camera, give the grey values: under small lamps of a matt part, without light from face to face; under lights with an
+area of the plan's material. Edges are sharp, and lenses are left out. So the images tell whether plan, part, files and
+commands fit together, and how large errors of position are; they do not tell how a real part looks.
 """
 
 from __future__ import annotations
