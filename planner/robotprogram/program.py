@@ -311,6 +311,14 @@ class StopImage:
     image: str
     lamps: tuple[Annotated[int, Meta(ge=1, title="must be an integer from 1")], ...]
 
+    @property
+    def remark(self) -> str:
+        """The name, and which lamps must be on, such as "setting_01_2.png: lamp 2 on"."""
+        if not self.lamps:
+            return self.image
+        numbers = ", ".join(map(str, self.lamps))
+        return f"{self.image}: lamp{'s' * (len(self.lamps) > 1)} {numbers} on"
+
 
 @dataclass(frozen=True, eq=False)
 class Stop:
@@ -546,14 +554,25 @@ class RobotProgram(ShownInNotebook):
         )
         more = len(stops) - len(rows)
         note = f"and {more} more: program.tours holds all." if more else ""
-        headings = ("part lies", "setting", "joints (degrees)", "move (s)", "smallest P")
-        items = {f"setting {k + 1} is not reached": why for k, why in self.unreached.items()}
+        states_p = any(stop.probability for _, stop in stops)
+        headings = ["part lies", "setting", "joints (degrees)", "move (s)"]
+        headings += ["smallest P"] * states_p
+        items = {
+            f"setting {stop.setting_idx + 1} takes": "; ".join(
+                image.remark for image in stop.images
+            )
+            for _, stop in stops[:_SHOWN_STOPS]
+            if stop.images
+        }
+        items |= {f"setting {k + 1} is not reached": why for k, why in self.unreached.items()}
         items |= {f"setting {k + 1} has another pose": text for k, text in self.replaced.items()}
         items |= {f"warning {n}": text for n, text in enumerate(self.warnings, start=1)}
         return NotebookView(
             f"Program of {self.part or 'a part'} for {self.robot}",
             (Toned(verdict, "good" if self.complete else "bad"), drive),
-            NotebookTable(headings, rows, right=(1, 3, 4), note=note),
+            NotebookTable(
+                headings, [row[: len(headings)] for row in rows], right=(1, 4, 5), note=note
+            ),
             items,
         )
 
@@ -640,7 +659,7 @@ class RobotProgram(ShownInNotebook):
 
 
 def _stop_row(tour: FixturedTour, stop: Stop) -> tuple[Any, ...]:
-    """Return what a notebook shows of a stop; no probability if the arm's uncertainty was not given."""
+    """Return what a notebook shows of a stop; last the smallest P, empty if the arm's uncertainty is not given."""
     angles = ", ".join(f"{angle:.1f}" for angle in np.round(np.degrees(stop.joints), 1) + 0.0)
     smallest = min(stop.probability.values(), default=None)
     stated = "" if smallest is None else probability_text(smallest)

@@ -30,6 +30,7 @@ from planner.robotprogram.program import (
     Move,
     RobotProgram,
     Stop,
+    StopImage,
     leading_axis,
     move_times,
 )
@@ -259,43 +260,29 @@ class Drive:
 
 
 @dataclass(frozen=True)
-class ImageStep:
-    """An image to be taken.
+class ImageStep(StopImage):
+    """An image to be taken; its lamps are stated where the setting takes several images.
 
     Attributes
     ----------
     setting_idx : int
         Index of the setting in the plan, from 0.
-    image : str
-        Name of the file, after the plan's setting.
-    lamps : tuple of int
-        Numbers of the lamps that must be on, from 1, where the setting takes several images.
     """
 
     setting_idx: int
-    image: str
-    lamps: tuple[int, ...] = ()
 
     @property
     def label(self) -> str:
         """The name without its suffix."""
         return self.image.rpartition(".")[0]
 
-    @property
-    def remark(self) -> str:
-        """The name, and which lamps must be on, such as "setting_01_2.png: lamp 2 on"."""
-        if not self.lamps:
-            return self.image
-        numbers = ", ".join(map(str, self.lamps))
-        return f"{self.image}: lamp{'s' * (len(self.lamps) > 1)} {numbers} on"
-
 
 def images_of(stop: Stop) -> tuple[ImageStep, ...]:
     """Return the images that are taken at a stop: one, or several with other lamps."""
     k = stop.setting_idx
     if not stop.images:
-        return (ImageStep(k, image_name(k)),)
-    return tuple(ImageStep(k, image.image, image.lamps) for image in stop.images)
+        return (ImageStep(image_name(k), (), k),)
+    return tuple(ImageStep(image.image, image.lamps, k) for image in stop.images)
 
 
 def has_lamps(program: RobotProgram) -> bool:

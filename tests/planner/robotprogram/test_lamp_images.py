@@ -202,3 +202,14 @@ def test_the_record_comes_back_and_refuses_a_wrong_name(tmp_path):
     stop["images"][1]["image"] = "setting_02.png"
     with pytest.raises(PlanFileError, match=r"images\[1\].image must be setting_02_2.png"):
         program_of(data)
+
+
+def test_a_notebook_lists_the_lamps_of_each_image():
+    html = lamp_program()._repr_html_()
+    assert (
+        "<li>setting 2 takes: setting_02_1.png: lamp 2 on; setting_02_2.png: lamps 1, 3 on</li>"
+        in html
+    )
+    assert html.count(" takes: ") == 1
+    # nothing is said of a probability that is not known
+    assert "smallest P" not in html
