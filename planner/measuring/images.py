@@ -420,6 +420,11 @@ class Shot:
     setting: int
     targets: tuple[str, ...]
 
+    @property
+    def file(self) -> str:
+        """Name of its file."""
+        return f"{self.name}.png"
+
 
 @dataclass
 class ImageSet:
@@ -551,7 +556,7 @@ def _in_folder(source: str | os.PathLike[str], shots: list[Shot]) -> dict[str, A
             raise RequestError.of_rule("images", "must hold one file for each image", got)
         files[path.stem] = path
     if not files:
-        names = f"{shots[0].name}.png" if shots else "none"
+        names = shots[0].file if shots else "none"
         raise RequestError.of_rule(
             "images",
             f"must hold images named like {names}",

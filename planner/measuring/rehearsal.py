@@ -1038,7 +1038,7 @@ def write_images(
     names = [TRUTH, *(f"{name}.png" for name in truth.poses)]
     with staged_folder(folder, names, parameter) as staging:
         for rendered in rehearsal.images(progress):
-            Image.fromarray(rendered.grey).save(staging / f"{rendered.shot.name}.png")
+            Image.fromarray(rendered.grey).save(staging / rendered.shot.file)
         text = json.dumps(to_plain(truth), indent=1, allow_nan=False, ensure_ascii=False)
         write_text(staging / TRUTH, text + "\n")
     return [str(Path(folder) / name) for name in names]

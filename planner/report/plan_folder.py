@@ -32,6 +32,7 @@ from planner.files import (
     timestamp,
     write_text,
 )
+from planner.measuring.images import shots_of
 from planner.plan import InspectionPlan
 from planner.progress import TimeIsUpError, report
 from planner.report.page import make_report
@@ -422,13 +423,16 @@ def _coefficients(plan: InspectionPlan) -> tuple[float, ...]:
 
 
 def colmap_images(plan: InspectionPlan) -> str:
-    """Return COLMAP's images.txt: world-to-camera quaternion and translation in mm, and no observations."""
+    """Return COLMAP's images.txt: world-to-camera quaternion and translation in mm, and no observations.
+
+    A setting with several lamps takes several images, each with a row.
+    """
     lines = ["# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME", "# (empty line: no observed points)"]
-    for k, setting in enumerate(plan.settings):
-        world2cam = inverse(setting.cam2world)
+    for number, shot in enumerate(shots_of(plan), start=1):
+        world2cam = inverse(plan.settings[shot.setting].cam2world)
         x, y, z, w = Rotation.from_matrix(world2cam[:3, :3]).as_quat(canonical=True)
         numbers = " ".join(repr(float(v)) for v in (w, x, y, z, *world2cam[:3, 3]))
-        lines += [f"{k + 1} {numbers} 1 {image_name(k)}", ""]
+        lines += [f"{number} {numbers} 1 {shot.file}", ""]
     return "\n".join(lines) + "\n"
 
 
@@ -501,15 +505,20 @@ def ros_camera_yaml(plan: InspectionPlan) -> str:
 
 
 def nerfstudio_json(plan: InspectionPlan) -> str:
-    """Return a nerfstudio transforms.json: camera to world with OpenGL axes, in the part's millimetres."""
+    """Return a nerfstudio transforms.json: camera to world with OpenGL axes, in the part's millimetres.
+
+    A setting with several lamps takes several images, each with a frame.
+    """
     (width, height) = plan.camera.resolution
     matrix = np.asarray(plan.camera.matrix)
     frames = [
         {
-            "file_path": f"images/{image_name(k)}",
-            "transform_matrix": (np.asarray(setting.cam2world) @ _OPENCV_TO_OPENGL).tolist(),
+            "file_path": f"images/{shot.file}",
+            "transform_matrix": (
+                np.asarray(plan.settings[shot.setting].cam2world) @ _OPENCV_TO_OPENGL
+            ).tolist(),
         }
-        for k, setting in enumerate(plan.settings)
+        for shot in shots_of(plan)
     ]
     k1, k2, p1, p2, k3 = _coefficients(plan)
     data = {

@@ -59,6 +59,16 @@ def test_images_under_lamps_say_what_to_expose_for(tmp_path):
         write_poses(dataclasses.replace(lit, light=light), tmp_path)
         settings = json.loads((tmp_path / "poses_opencv.json").read_text())["settings"]
         assert [one["name"] for one in settings[0]["images"]] == names
+        # whoever reads the images by these files finds each of them
+        every = [*names, "setting_02.png"]
+        frames = json.loads((tmp_path / "transforms.json").read_text())["frames"]
+        assert [frame["file_path"] for frame in frames] == [f"images/{name}" for name in every]
+        poses = [frame["transform_matrix"] for frame in frames]
+        assert all(pose == poses[0] for pose in poses[: len(names)])
+        rows = (tmp_path / "colmap" / "images.txt").read_text().splitlines()[2::2]
+        assert [(row.split()[0], row.split()[9]) for row in rows] == [
+            (str(number), name) for number, name in enumerate(every, start=1)
+        ]
         found = settings[0]["images"][0]
         assert found["lamps"] == [[40.0, -300.0, 500.0]]
         assert found["entities"] == ["top front", "top right"]
