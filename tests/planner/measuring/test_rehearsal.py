@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from holed_plate import HOLES
-from measured_plate import TOP, measured_plan, thick_plate
+from measured_plate import TOP, dimensions_of, measured_plan, thick_plate
 from PIL import Image
 from plan_examples import changed, planned_dimension
 
@@ -196,6 +196,36 @@ def test_images_of_another_plan_are_noted(plate, plan, tmp_path):
     Rehearsal(plan, plate, seed=1).write(tmp_path)
     (tmp_path / "truth.json").write_text("no JSON")
     assert not [note for note in measure(other, plate, tmp_path).notes if "rendered" in note]
+
+
+def test_faces_deviate_as_their_own_targets_state(plate):
+    """The walls of one hole by 1 µm, the other faces by 50 µm: a plan promises each target for its own."""
+    every = dimensions_of(plate)
+    plan = measured_plan(
+        plate,
+        dimensions={
+            "left": replace(every["left"], stated_surfaces_mm=0.001),
+            "right": replace(every["right"], stated_surfaces_mm=0.05),
+        },
+        names=("left", "right"),
+    )
+    off = np.array(
+        [
+            [
+                value - plan.targets[name].nominal
+                for name, value in Rehearsal(plan, plate, seed=seed)
+                .truth.values["setting_01"]
+                .items()
+            ]
+            for seed in range(40)
+        ]
+    )
+    # of a diameter, twice the deviation of the radius, half as large again as that of planes
+    left, right = off.std(axis=0) / (2 * 1.5)
+    assert left == pytest.approx(0.001, rel=0.4)
+    assert right == pytest.approx(0.05, rel=0.4)
+    uniform = Rehearsal(plan, plate, surfaces_mm=0.05, seed=1).truth
+    assert abs(uniform.values["setting_01"]["left"] - plan.targets["left"].nominal) > 0.01
 
 
 def test_flat_faces_stay_flat_around_holes(plate, plan):
