@@ -272,7 +272,7 @@ class DeviatingPart:
         self._deviations = scales * self._closed(vertices, carried, drawn, scales)
         # where faces meet at a small angle, their corner is off by more than they are
         self.largest_mm = float(np.abs(self._deviations).max(initial=0.0))
-        moved = vertices + self._moves(vertices, carried)
+        moved = vertices + self._moves_of_mesh(mesh)
         self.scene = _RoundScene(moved, mesh.triangles, mesh.walls, mesh.wall_of, mesh.face_of)
 
     def value(self, name: str, target: Target) -> float:
@@ -319,6 +319,23 @@ class DeviatingPart:
             off = np.einsum("nip,ip->ni", meeting.offsets, self._deviations[meeting.surfaces])
             inverse = np.linalg.pinv(meeting.normals, rcond=_ALIKE)
             moves[meeting.rows] = np.einsum("nij,nj->ni", inverse, off)
+        return moves
+
+    def _moves_of_mesh(self, mesh: _RoundMesh) -> Array:
+        """Return how the points (n, 3) of a mesh move: those between others also slide along their surfaces with them.
+
+        A rim slides along both of its walls where these deviate. Points between rims that stay would be passed by it,
+        and the mesh would fold.
+        """
+        moves = self._moves(mesh.points, mesh.carried)
+        free = np.broadcast_to(np.eye(3), (len(moves), 3, 3)).copy()
+        for meeting in self._meetings(mesh.points, mesh.carried):
+            normals = meeting.normals
+            held = np.linalg.pinv(normals, rcond=_ALIKE) @ normals
+            free[meeting.rows] = np.eye(3) - held
+        for halving in mesh.halvings:
+            rows = halving.first + np.arange(len(halving.ends))
+            moves[rows] += np.einsum("nij,nj->ni", free[rows], moves[halving.ends].mean(axis=1))
         return moves
 
     def _meetings(self, points: Array, carried: Sequence[Set[int]]) -> Iterator[_Meeting]:
@@ -410,6 +427,13 @@ def _is_on(carrier: Carrier, point: Array) -> bool:
     return abs(radius - carrier.radius_mm - rise) < _ON_WALL_MM
 
 
+class _Halving(NamedTuple):
+    """Points of a mesh that halve sides: number of the first one, and the ends (n, 2) of their sides."""
+
+    first: int
+    ends: NDArray[np.int64]
+
+
 class _RoundMesh:
     """A part's triangles, halved until those of round faces are nowhere far from their cylinders and cones.
 
@@ -427,9 +451,12 @@ class _RoundMesh:
         Number of the face of the model that each triangle is part of.
     walls : list of Carrier
         Cylinders and cones.
+    halvings : list of _Halving
+        How points were added to those of the model, in order.
     """
 
     def __init__(self, model: PartModel) -> None:
+        self.halvings: list[_Halving] = []
         self.points: Array = np.array(model.solid.vertices)
         self.triangles: NDArray[np.int64] = np.array(model.solid.triangles, dtype=np.int64)
         self.face_of: NDArray[np.int64] = np.array(model.solid.triangle_face, dtype=np.int64)
@@ -499,6 +526,7 @@ class _RoundMesh:
             return False
         middles = np.full(len(sides), -1)
         middles[is_cut] = n_points + np.arange(is_cut.sum())
+        self.halvings.append(_Halving(n_points, sides[is_cut]))
         self.points = np.vstack([self.points, new[is_cut]])
         self._group_of = np.append(self._group_of, self._common(self._group_of[sides[is_cut]]))
         on_circle = is_cut & (circle >= 0)
