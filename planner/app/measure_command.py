@@ -189,7 +189,7 @@ def _rendered_texts(
         drawn = f"{sigma:.3g} mm, as --surfaces-mm states"
         if stated_mm is None:
             drawn = (
-                f"{sigma:.3g} mm, the largest that the plan states; --surfaces-mm states another"
+                f"{sigma:.3g} mm at most, as the plan states of each; --surfaces-mm states another"
             )
         yield (
             f"faces of the part deviate by up to {rehearsal.largest_mm:.2g} mm, drawn with a standard deviation of "

@@ -973,7 +973,7 @@ class Render(PartReading):
     force
         replace images of another plan, and other files, in DIR
     surfaces_mm
-        standard deviation of the part's faces along their normals; 0: the part as designed (default: the largest that
+        standard deviation of the part's faces along their normals; 0: the part as designed (default: of each face what
         the plan states)
     exact_poses
         render from the planned poses (default: poses are drawn from the plan's uncertainty)

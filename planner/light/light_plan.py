@@ -313,7 +313,7 @@ _LEAST_OF_BRIGHTEST = 0.1
 # a region's share of white is at most this, so that it is not overexposed itself
 _MOST_WHITE = 0.9
 # where more of what is lit would be overexposed, there is less light, down to this share
-_MOST_OVEREXPOSED = 0.3
+_MOST_OVEREXPOSED = 0.05
 _LEAST_LIGHT = 1 / 3
 # the same is then nearly white, but for a twentieth of it
 _NEARLY_WHITE = 0.95
@@ -413,7 +413,7 @@ def exposure(
 def white_share(light: Array) -> float:
     """Return the share of white that the brightest place next to targets should have.
 
-    It is 80 %, or less where the light next to them is so weak that more than 30 % of what is lit would be overexposed.
+    It is 80 %, or less where the light next to them is so weak that more than 5 % of what is lit would be overexposed.
     The edges there are needed to register the image. It is not less than a third of 80 %, so that the targets are seen.
 
     Parameters

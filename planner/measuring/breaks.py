@@ -24,6 +24,7 @@ from planner.measuring.registered import Faces, Lamp
 from planner.measuring.samples import (
     ALONG_VARIANCE,
     BESIDE_PX,
+    MOST_IF_SHARP_PX,
     SMOOTHING_PX,
     EdgeTable,
     PartEdge,
@@ -122,6 +123,13 @@ class Breaks:
     def band_px(self) -> float:
         """How wide the band between both faces may be, px; 0 where nothing is stated."""
         return self.state.stated * band_px(self.ends, self.state)
+
+    @property
+    def assumed_px(self) -> float:
+        """How far breaks that are only assumed may move a part of an entity, px; slopes of light do so, too."""
+        if self.state.stated:
+            return 0.0
+        return min(band_px(self.ends, self.state), MOST_IF_SHARP_PX)
 
     def half_px(self, half_px: float) -> float:
         """Return how far steps are searched: farther by what a break may be off, but not to a line found apart."""

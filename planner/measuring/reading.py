@@ -257,7 +257,7 @@ def scan_entity(
         residual[is_found] = fit.residual
         state[np.flatnonzero(is_found)[~good]] = State.OUTLIER
     points = _points_of(samples, pixels, across, residual, state)
-    reason = _incomplete(edge, points, coverage, in_each_part)
+    reason = _incomplete(edge, points, coverage, breaks.assumed_px, in_each_part)
     is_found = state == State.FOUND
     sampled = Sampled(model.edges.scene, camera, pose, [edge], _alone(samples))
     moved = bool(reason) and _is_moved(sampled, picture, registered, (centres, across), state)
@@ -469,14 +469,24 @@ def entity_scale(
 
 
 def _incomplete(
-    edge: PartEdge, points: NDArray[np.void], coverage: float, in_each_part: bool
+    edge: PartEdge,
+    points: NDArray[np.void],
+    coverage: float,
+    assumed_px: float,
+    in_each_part: bool,
 ) -> str:
-    """Say why what was found of an entity is not enough; empty if it is."""
+    """Say why what was found of an entity is not enough; empty if it is.
+
+    What is off the fit by no more than an assumed break is found, too, though it is not fitted: U counts with that
+    break all along the entity.
+    """
     word = _word(edge)
     if not len(points):
         return f"the image of {word} {edge.name} is too short"
     is_found = points["state"] == State.FOUND
-    share = float(is_found.mean())
+    is_within = np.abs(points["residual_px"]) <= assumed_px
+    is_covered = is_found | (points["state"] == State.OUTLIER) & is_within
+    share = float(is_covered.mean())
     if share < coverage or is_found.sum() < LEAST_POINTS:
         counts = {state: int(np.sum(points["state"] == state)) for state in State}
         del counts[State.FOUND]
@@ -487,7 +497,7 @@ def _incomplete(
         return f"only {100 * share:.0f} % of {word} {edge.name} was found; {main_reason}"
     n_parts = parts_of(len(points)) if in_each_part else 1
     part = numbers_of_parts(points["share"], n_parts)
-    missing = set(part.tolist()) - set(part[is_found].tolist())
+    missing = set(part.tolist()) - set(part[is_covered].tolist())
     if missing:
         return f"a {PART_WORDS[n_parts - 2]} of {word} {edge.name} was not found"
     return ""

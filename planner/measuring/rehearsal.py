@@ -106,7 +106,7 @@ class Truth:
     seed : int
         What was drawn.
     surfaces_mm : float
-        Standard deviation of planes along their normals.
+        Standard deviation of planes along their normals; where each face has its own, the largest.
     values : dict of str to dict of str to float
         True values of the targets in each image, in mm (angles: degrees). A target whose entities are in two images
         has the same value in both.
@@ -243,8 +243,8 @@ class DeviatingPart:
     ----------
     model : PartModel
         The part as it is designed.
-    surfaces_mm : float
-        Standard deviation of planes along their normals; 0 is the part as designed.
+    surfaces_mm : float or array (k,)
+        Standard deviation of planes along their normals, of all surfaces or of each; 0 is the part as designed.
     rng : Generator
         Draws the deviations.
 
@@ -256,7 +256,7 @@ class DeviatingPart:
         By how much a plane is moved or tilted at most, or a radius or an axis is off, mm.
     """
 
-    def __init__(self, model: PartModel, surfaces_mm: float, rng: np.random.Generator) -> None:
+    def __init__(self, model: PartModel, surfaces_mm: ArrayLike, rng: np.random.Generator) -> None:
         self._model = model
         carriers = model.carriers.surfaces
         sizes = [
@@ -267,11 +267,12 @@ class DeviatingPart:
         mesh = _RoundMesh(model)
         vertices = mesh.points
         carried = mesh.carried
-        scales = np.reshape(sizes, (-1, PARAMETERS))
-        self._deviations = surfaces_mm * scales * self._closed(vertices, carried, drawn, scales)
+        of_each = np.broadcast_to(np.asarray(surfaces_mm, dtype=np.float64), len(carriers))
+        scales = np.reshape(sizes, (-1, PARAMETERS)) * of_each[:, None]
+        self._deviations = scales * self._closed(vertices, carried, drawn, scales)
         # where faces meet at a small angle, their corner is off by more than they are
         self.largest_mm = float(np.abs(self._deviations).max(initial=0.0))
-        moved = vertices + self._moves(vertices, carried)
+        moved = vertices + self._moves_of_mesh(mesh)
         self.scene = _RoundScene(moved, mesh.triangles, mesh.walls, mesh.wall_of, mesh.face_of)
 
     def value(self, name: str, target: Target) -> float:
@@ -318,6 +319,23 @@ class DeviatingPart:
             off = np.einsum("nip,ip->ni", meeting.offsets, self._deviations[meeting.surfaces])
             inverse = np.linalg.pinv(meeting.normals, rcond=_ALIKE)
             moves[meeting.rows] = np.einsum("nij,nj->ni", inverse, off)
+        return moves
+
+    def _moves_of_mesh(self, mesh: _RoundMesh) -> Array:
+        """Return how the points (n, 3) of a mesh move: those between others also slide along their surfaces with them.
+
+        A rim slides along both of its walls where these deviate. Points between rims that stay would be passed by it,
+        and the mesh would fold.
+        """
+        moves = self._moves(mesh.points, mesh.carried)
+        free = np.broadcast_to(np.eye(3), (len(moves), 3, 3)).copy()
+        for meeting in self._meetings(mesh.points, mesh.carried):
+            normals = meeting.normals
+            held = np.linalg.pinv(normals, rcond=_ALIKE) @ normals
+            free[meeting.rows] = np.eye(3) - held
+        for halving in mesh.halvings:
+            rows = halving.first + np.arange(len(halving.ends))
+            moves[rows] += np.einsum("nij,nj->ni", free[rows], moves[halving.ends].mean(axis=1))
         return moves
 
     def _meetings(self, points: Array, carried: Sequence[Set[int]]) -> Iterator[_Meeting]:
@@ -409,6 +427,13 @@ def _is_on(carrier: Carrier, point: Array) -> bool:
     return abs(radius - carrier.radius_mm - rise) < _ON_WALL_MM
 
 
+class _Halving(NamedTuple):
+    """Points of a mesh that halve sides: number of the first one, and the ends (n, 2) of their sides."""
+
+    first: int
+    ends: NDArray[np.int64]
+
+
 class _RoundMesh:
     """A part's triangles, halved until those of round faces are nowhere far from their cylinders and cones.
 
@@ -426,9 +451,12 @@ class _RoundMesh:
         Number of the face of the model that each triangle is part of.
     walls : list of Carrier
         Cylinders and cones.
+    halvings : list of _Halving
+        How points were added to those of the model, in order.
     """
 
     def __init__(self, model: PartModel) -> None:
+        self.halvings: list[_Halving] = []
         self.points: Array = np.array(model.solid.vertices)
         self.triangles: NDArray[np.int64] = np.array(model.solid.triangles, dtype=np.int64)
         self.face_of: NDArray[np.int64] = np.array(model.solid.triangle_face, dtype=np.int64)
@@ -498,6 +526,7 @@ class _RoundMesh:
             return False
         middles = np.full(len(sides), -1)
         middles[is_cut] = n_points + np.arange(is_cut.sum())
+        self.halvings.append(_Halving(n_points, sides[is_cut]))
         self.points = np.vstack([self.points, new[is_cut]])
         self._group_of = np.append(self._group_of, self._common(self._group_of[sides[is_cut]]))
         on_circle = is_cut & (circle >= 0)
@@ -810,6 +839,23 @@ def _bends(grey: Array) -> Array:
     return bends
 
 
+def _stated_surfaces_mm(plan: InspectionPlan, measurer: Measurer) -> Array:
+    """Return the deviation (k,) of each surface: the least that its targets state, otherwise the largest of the plan.
+
+    A surface of two targets keeps both tolerances. Registration counts on the largest everywhere.
+    """
+    model = measurer.model
+    stated = {name: plan.targets[name].surfaces_mm for name in plan.promises}
+    largest = max(stated.values(), default=0.0)
+    of_each = np.full(len(model.carriers.surfaces), largest)
+    for setting in plan.settings:
+        for name in stated.keys() & {*setting.entities, *setting.ends}:
+            for edge in model.measured[witness_key(setting, name)]:
+                carriers = list(model.carried_by[edge.name])
+                of_each[carriers] = np.minimum(of_each[carriers], stated[name])
+    return of_each
+
+
 class Rehearsal:
     """Renders the images that a plan takes of a part.
 
@@ -821,7 +867,8 @@ class Rehearsal:
         Its part, as designed.
     surfaces_mm : float, optional
         Standard deviation of planes along their normals; that of bores, bosses and cones is half as large again.
-        Default: the largest that the plan's targets state.
+        Default: on faces of targets, the least that a target on them states; on others, the largest that the plan's
+        targets state.
     seed : int
         Draws the part, the poses and the noise.
     exact_poses : bool
@@ -862,13 +909,14 @@ class Rehearsal:
         check_count("seed", seed, 0)
         measurer = Measurer(plan, solid)
         if surfaces_mm is None:
-            stated = [plan.targets[name].surfaces_mm for name in plan.promises]
-            surfaces_mm = max(stated, default=0.0)
-        check_number("surfaces_mm", surfaces_mm, NOT_NEGATIVE)
+            of_each = _stated_surfaces_mm(plan, measurer)
+        else:
+            check_number("surfaces_mm", surfaces_mm, NOT_NEGATIVE)
+            of_each = np.full(len(measurer.model.carriers.surfaces), float(surfaces_mm))
         self._plan = plan
         self._shots = measurer.shots
         self._rng = np.random.default_rng(seed)
-        part = DeviatingPart(measurer.model, surfaces_mm, self._rng)
+        part = DeviatingPart(measurer.model, of_each, self._rng)
         self.largest_mm = part.largest_mm
         poses = [self._drawn_pose(k, exact_poses) for k in range(len(plan.settings))]
         middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
@@ -878,7 +926,7 @@ class Rehearsal:
             self._response = Response.of(plan.camera.response)
         self.truth = Truth(
             seed,
-            float(surfaces_mm),
+            float(of_each.max(initial=surfaces_mm or 0.0)),
             {shot.name: self._values(part, shot) for shot in self._shots},
             {shot.name: poses[shot.setting] for shot in self._shots},
             response=self._response.text,

@@ -352,7 +352,7 @@ def test_a_rehearsal_says_that_its_edges_are_sharp(folder, capsys):
 @pytest.mark.parametrize(
     ("more", "text"),
     [
-        ((), "0.02 mm, the largest that the plan states; --surfaces-mm states another"),
+        ((), "0.02 mm at most, as the plan states of each; --surfaces-mm states another"),
         (("--surfaces-mm", "0.2"), "0.2 mm, as --surfaces-mm states"),
     ],
 )

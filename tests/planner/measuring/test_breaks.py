@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 from aspectgraph import Solid
 from errors.measurands import Circle
-from planner import MeasureOptions, Measurer, Registration
+from planner import MeasureOptions, Measurer, Registration, measure
 from planner.measuring.breaks import steepest
 
 OWN = Registration.own_edges(0.02)
@@ -114,3 +114,24 @@ def test_a_hole_with_a_modelled_chamfer_is_measured_at_the_rim_of_the_cylinder()
     result = Measurer(plan, solid).measure(taken, MeasureOptions(OWN))["left"]
     assert result.measured, result.reason
     assert abs(result.deviation - 0.2) < result.expanded_uncertainty < 0.1
+
+
+@pytest.mark.parametrize(
+    ("off_mm", "read"), [(0.04, True), (0.12, False)], ids=["within", "beyond"]
+)
+def test_a_stretch_that_an_assumed_break_may_move_is_no_gap(off_mm, read):
+    """A quarter of a rim is off: by what U counts with anyway, or by more. Less than 80 % of it fits."""
+    (x, y), radius = plates.HOLES["left"]
+    vertices, triangles = plate.fine_plate()
+    off = vertices[:, :2] - [x, y]
+    distance = np.linalg.norm(off, axis=1)
+    moved = (distance < 1.2 * radius) & (off[:, 0] > abs(off[:, 1]))
+    vertices[moved, :2] += off_mm * off[moved] / distance[moved, None]
+    solid = plate.thick_plate()
+    plan = plate.measured_plan(solid, ("left",), 1)
+    images = plate.photograph((vertices, triangles), plate.POSES[:1])
+    result = measure(plan, solid, images)["left"]
+    assert result.measured == read, result.reason
+    if read:
+        assert result.readings[0].found_share < 0.8
+        assert abs(result.value - 2 * radius) < 2 * result.standard_uncertainty

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from holed_plate import HOLES
-from measured_plate import TOP, measured_plan, thick_plate
+from measured_plate import TOP, dimensions_of, measured_plan, thick_plate
 from PIL import Image
 from plan_examples import changed, planned_dimension
 
@@ -198,6 +198,36 @@ def test_images_of_another_plan_are_noted(plate, plan, tmp_path):
     assert not [note for note in measure(other, plate, tmp_path).notes if "rendered" in note]
 
 
+def test_faces_deviate_as_their_own_targets_state(plate):
+    """The walls of one hole by 1 µm, the other faces by 50 µm: a plan promises each target for its own."""
+    every = dimensions_of(plate)
+    plan = measured_plan(
+        plate,
+        dimensions={
+            "left": replace(every["left"], stated_surfaces_mm=0.001),
+            "right": replace(every["right"], stated_surfaces_mm=0.05),
+        },
+        names=("left", "right"),
+    )
+    off = np.array(
+        [
+            [
+                value - plan.targets[name].nominal
+                for name, value in Rehearsal(plan, plate, seed=seed)
+                .truth.values["setting_01"]
+                .items()
+            ]
+            for seed in range(40)
+        ]
+    )
+    # of a diameter, twice the deviation of the radius, half as large again as that of planes
+    left, right = off.std(axis=0) / (2 * 1.5)
+    assert left == pytest.approx(0.001, rel=0.4)
+    assert right == pytest.approx(0.05, rel=0.4)
+    uniform = Rehearsal(plan, plate, surfaces_mm=0.05, seed=1).truth
+    assert abs(uniform.values["setting_01"]["left"] - plan.targets["left"].nominal) > 0.01
+
+
 def test_flat_faces_stay_flat_around_holes(plate, plan):
     """Also inside the triangles whose sides are cut into short chords, so that shading shows no fans."""
     part = DeviatingPart(Measurer(plan, plate).model, 0.02, np.random.default_rng(3))
@@ -223,22 +253,50 @@ def test_flat_faces_are_shaded_as_flat(plate, plan):
     assert np.ptp(hit["primitive_normals"][top], axis=0).max() < 1e-6
 
 
-def test_a_cone_is_round_where_its_facets_meet_between_its_rims():
-    """A mesh may have a vertex within a countersink. It is on no edge."""
+def frustum(*more_rings):
+    """A cone whose radius falls from 10 to 6 mm over 5 mm, and more points of it."""
     rings = []
     for radius, height, angle in (
         (10.0, 0.0, 2 * np.pi * np.arange(72) / 72),
         (6.0, 5.0, 2 * np.pi * np.arange(72) / 72),
-        (8.0, 2.5, np.array([np.pi / 72])),
+        *more_rings,
     ):
         ring = [radius * np.cos(angle), radius * np.sin(angle), np.full(len(angle), height)]
         rings.append(np.stack(ring, axis=1))
     faces = [list(range(72))[::-1], list(range(72, 144))]
-    for k in range(1, 72):
+    for k in range(1 if more_rings else 0, 72):
         after = (k + 1) % 72
         faces += [[k, after, 72 + after], [k, 72 + after, 72 + k]]
-    faces += [[0, 1, 144], [1, 73, 144], [73, 72, 144], [72, 0, 144]]
-    model = PartModel(Solid(np.concatenate(rings), faces, name="frustum"), {})
+    if more_rings:
+        faces += [[0, 1, 144], [1, 73, 144], [73, 72, 144], [72, 0, 144]]
+    return PartModel(Solid(np.concatenate(rings), faces, name="frustum"), {})
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_walls_end_where_their_rims_are_moved(seed):
+    """Points of a wall between its rims slide with them: those that stayed stood out above a lower top."""
+    model = frustum()
+    flat = np.array([carrier.is_plane for carrier in model.carriers.surfaces])
+    part = DeviatingPart(model, 1.0 * flat, np.random.default_rng(seed))
+    angle = np.linspace(0.0, 2 * np.pi, 400, endpoint=False)
+    out = np.stack([np.cos(angle), np.sin(angle), np.zeros(400)], axis=1)
+    inside = 4.0 * out + np.array([0.0, 0.0, 20.0])
+    down = np.tile([0.0, 0.0, -1.0], (400, 1))
+    top = 20.0 - part.scene.cast(inside, down)["t_hit"]
+    # a plane: its height above the rim from that within
+    rise = np.linalg.lstsq(np.c_[4.0 * out[:, :2], np.ones(400)], top, rcond=None)[0]
+    radius = (10.0 - 0.8 * rise[2]) / (1.0 + 0.8 * out[:, :2] @ rise[:2])
+    rim = rise[2] + radius * (out[:, :2] @ rise[:2])
+    assert np.abs(rim - 5.0).max() > 0.3
+    above = part.scene.cast(20.0 * out + np.outer(rim + 0.1, [0, 0, 1]), -out)
+    below = part.scene.cast(20.0 * out + np.outer(rim - 0.1, [0, 0, 1]), -out)
+    assert np.min(above["t_hit"]) > 20.0 - 5.9
+    np.testing.assert_allclose(20.0 - below["t_hit"], radius + 0.08, atol=0.1)
+
+
+def test_a_cone_is_round_where_its_facets_meet_between_its_rims():
+    """A mesh may have a vertex within a countersink. It is on no edge."""
+    model = frustum((8.0, 2.5, np.array([np.pi / 72])))
     part = DeviatingPart(model, 0.0, np.random.default_rng(0))
     angle = np.linspace(0.0, 2 * np.pi, 500, endpoint=False)
     out = np.stack([np.cos(angle), np.sin(angle), np.zeros(500)], axis=1)
