@@ -27,6 +27,7 @@ from .exceptions import RequestError as RequestError
 from .exceptions import RobotError as RobotError
 from .exceptions import UncertaintyError as UncertaintyError
 from .inspection import plan_inspection as plan_inspection
+from .inspection import plan_light as plan_light
 from .light.backlight import Backlight as Backlight
 from .light.light_plan import Exposure as Exposure
 from .light.light_plan import LightPlan as LightPlan
@@ -38,7 +39,6 @@ from .light.lighting import RingSpace as RingSpace
 from .light.mounted_light import CoaxialLight as CoaxialLight
 from .light.mounted_light import DiffuseDome as DiffuseDome
 from .light.mounted_light import RingLight as RingLight
-from .light.plan_light import plan_light as plan_light
 from .light.reflection import Material as Material
 from .light_catalogue import light_names as light_names
 from .measuring.measurer import MeasureOptions as MeasureOptions
