@@ -27,7 +27,6 @@ from .exceptions import RequestError as RequestError
 from .exceptions import RobotError as RobotError
 from .exceptions import UncertaintyError as UncertaintyError
 from .inspection import plan_inspection as plan_inspection
-from .inspection import plan_light as plan_light
 from .light.backlight import Backlight as Backlight
 from .light.light_plan import Exposure as Exposure
 from .light.light_plan import LightPlan as LightPlan
@@ -41,6 +40,9 @@ from .light.mounted_light import DiffuseDome as DiffuseDome
 from .light.mounted_light import RingLight as RingLight
 from .light.reflection import Material as Material
 from .light_catalogue import light_names as light_names
+from .lights import LightShows as LightShows
+from .lights import compare_lights as compare_lights
+from .lights import plan_light as plan_light
 from .measuring.measurer import MeasureOptions as MeasureOptions
 from .measuring.measurer import Measurer as Measurer
 from .measuring.measurer import measure as measure
@@ -52,11 +54,9 @@ from .measuring.results import Decision as Decision
 from .measuring.results import DecisionRule as DecisionRule
 from .measuring.results import MeasurementResults as MeasurementResults
 from .measuring.results import Result as Result
-from .optics import LightShows as LightShows
 from .optics import OpticsProposal as OpticsProposal
 from .optics import PosePrediction as PosePrediction
 from .optics import PosesPrediction as PosesPrediction
-from .optics import compare_lights as compare_lights
 from .optics import optics_table as optics_table
 from .optics import predict as predict
 from .optics import predict_poses as predict_poses

@@ -26,7 +26,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aspectgraph.light import DEFAULT_CONTRAST
 from ground.blas import with_one_thread
 from planner.argument_kinds import (
     ITEMS,
@@ -52,9 +51,8 @@ from planner.identity import Request
 from planner.light.area_light import AreaSpace
 from planner.light.corner_light import DEFAULT_STEP
 from planner.light.lighting import Lighting, RingSpace
-from planner.light.plan_light import chosen_lamps
+from planner.lights import readable_light
 from planner.measuring.foreseen import foreseen_in_time
-from planner.measuring.lit_edges import reads_of
 from planner.measuring.planned_edges import registered_problem
 from planner.options import InspectionOptions, RunOptions, options_or_default
 from planner.plan import InspectionPlan
@@ -74,7 +72,6 @@ from planner.sensor_setting import Reason, ReasonKind, SensorSetting
 if TYPE_CHECKING:
     from aspectgraph import Solid, VisibilityRegions
     from aspectgraph.visibility.visibility_regions import RegionStore
-    from planner.light.light_plan import LightPlan
     from planner.progress import Progress
 
 
@@ -387,108 +384,6 @@ def in_area_light(request: Request, space: Space) -> Space:
     return AreaSpace(space, request.camera, lighting.area, lighting.limits)
 
 
-# of what a `Lighting` holds
-_LAMP_DEFAULTS = (DEFAULT_CONTRAST, DEFAULT_STEP, "dark", 0.0)
-
-
-def plan_light(
-    plan: InspectionPlan,
-    solid: Solid,
-    lamps: Any,
-    *,
-    contrast: float = DEFAULT_CONTRAST,
-    step: float = DEFAULT_STEP,
-    ground: str = "dark",
-    tolerance_mm: float = 0.0,
-    progress: Progress | None = None,
-) -> LightPlan:
-    """Choose lamps that light all targets of a plan, in every setting.
-
-    One lamp is on at a time, or all are on together.
-
-    The model assumes a matt part of one albedo, point lamps, and no light between faces. It does
-    not hold for polished metal. If the camera sees both faces of an edge, the lamp must light the
-    whole edge with the contrast between the faces. If it sees one face, the edge is a silhouette.
-    The lamp must light that face, and the contrast to the background next to the edge must suffice.
-    Rays at nine points of the edge check this. If the plan requires corners, another line must be
-    visible at each end. If it requires separation, no shadow may end within that distance of the
-    edge or that line.
-
-    `measure` must also find enough of each target, and of the part's edges to register the image.
-    The program predicts this for the part as designed. It does not for lamps that are on together,
-    and under a light with an area it predicts the targets alone. The settings stay as they are;
-    `plan_inspection` with ``lamps`` moves the camera where it has to.
-
-    The light of lamps that are on together (`Lighting.together`) adds up. The program then checks
-    nine points of every edge, for lamps of equal strength; see `planner.light.corner_light`.
-
-    **Guarantee.** Every setting has an image for each target, or ``unlit`` lists the target with
-    the reason: too little contrast or light, or what `measure` would lack. No choice of fewer than
-    ``lower_bound`` lamps lights as many targets, with one lamp for a whole setting where one is
-    enough.
-
-    Parameters
-    ----------
-    plan : InspectionPlan
-        The plan.
-    solid : Solid
-        Its part.
-    lamps : array_like, shape (n, 3), LampBox, LampDome, light with an area, str or Lighting
-        Positions of the lamps of a cell, mm, or the region where lamps may be, or a `Backlight`,
-        `DiffuseDome`, `CoaxialLight` or `RingLight`. "ring" is a lamp on the camera. "backlight",
-        "diffuse-dome", "coaxial" and "ring-light" are as large as the request needs them.
-        "coaxial:NAME" and so on are lights of the catalogue, see `light_names`. A `Lighting` also
-        holds the other options; then omit them here.
-    contrast : float
-        Least contrast, strictly between 0 and 1; see `aspectgraph.contrast`.
-    step : float
-        Least step of the grey values across an edge, in [0, 1), as a share of the grey value of a
-        face that the lamp lights frontally. Two faces with hardly any light have a contrast, but no
-        step.
-    ground : str
-        Background of the part: "dark", or "bright" with a back light. Silhouettes in front of a
-        back light are visible with every lamp.
-    tolerance_mm : float
-        Largest distance of a lamp from its position, mm. Targets must also be lit from there; the
-        program checks 26 points around the lamp.
-    progress : callable, optional
-        ``progress(done, total, label)``.
-
-    Returns
-    -------
-    LightPlan
-        The same for the same arguments.
-
-    Raises
-    ------
-    RequestError
-        If an argument breaks its rule, or the part is not the plan's.
-    LightError
-        If the contrast is out of range, or a fixed lamp is inside the part.
-
-    Examples
-    --------
-    >>> from planner import plan_light, read_plan
-    >>> plan = read_plan("examples/two_pocket_block_plan.json")
-    >>> from aspectgraph import read_solid
-    >>> block = read_solid("examples/two_pocket_block.off")
-    >>> light = plan_light(plan, block, "ring")
-    >>> light.complete, sorted(light.unlit[0])
-    (False, ['e1', 'e4'])
-    """
-    check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"))
-    options = (contrast, step, ground, tolerance_mm)
-    if not isinstance(lamps, Lighting):
-        lighting = Lighting(lamps, *options)
-    elif options == _LAMP_DEFAULTS:
-        lighting = lamps
-    else:
-        rule = "must hold contrast, step, ground and tolerance_mm where it is a Lighting"
-        raise RequestError.of_rule("lamps", rule, f"{lamps!r} and {options}")
-    reads = reads_of(solid, plan.request.registration)
-    return chosen_lamps(lighting, plan, solid, progress, reads=reads)
-
-
 def with_light(
     plan: InspectionPlan,
     solid: Solid,
@@ -503,11 +398,8 @@ def with_light(
     """
     if lighting is None or plan.light is not None:
         return plan
-    reads = reads_of(solid, plan.request.registration)
     try:
-        light = chosen_lamps(
-            lighting, plan, solid, progress, reads=reads, executor=executor, deadline=deadline
-        )
+        light = readable_light(lighting, plan, solid, progress, executor, deadline)
     except TimeIsUpError:
         return plan
     return shown_only(replace(plan, light=light))
