@@ -292,10 +292,20 @@ def test_the_results_of_a_folder_are_one_table():
     html = PARTS._repr_html_()
     # what is not planned comes first, with the reason
     cells = re.findall("<td[^>]*>(?:<span[^>]*>)?([^<]*)", html)
-    assert cells[::4] == ["a&lt;b.step", "open.stl", "lids/lid.step"]
-    assert cells[1:4] == ["incomplete", "2 (at least 2)", "no lamp shows rim &amp; edge"]
+    assert cells[::5] == ["a&lt;b.step", "open.stl", "lids/lid.step"]
+    assert cells[1:5] == ["incomplete", "", "2 (at least 2)", "no lamp shows rim &amp; edge"]
     assert f'color:{TONES["bad"]}">1 planned, 1 incomplete, 1 refused.<' in html
     assert "3 requirements left out." in html
+    both = PartResults(
+        [
+            replace(PARTS[0], inspected=8, targets=8),
+            replace(PARTS[1], inspected=4, targets=6),
+            PARTS[2],
+        ]
+    )
+    assert repr(both).endswith("1 refused; 12 of 14 targets inspected>")
+    assert "12 of 14 targets inspected." in both._repr_html_()
+    assert ">4 of 6</td>" in both._repr_html_()
     long = PartResults(PARTS[:1] * 20)
     assert long._repr_html_().count("<tr>") == 13
     assert "and 8 more; results.csv in the folder lists all." in long._repr_html_()
