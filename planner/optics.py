@@ -14,10 +14,18 @@ from numpy.typing import ArrayLike, NDArray
 from errors.checks import probability_text
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
 from ground.short_repr import short_repr
-from planner.argument_kinds import MAPPING, check_fraction, check_kinds, check_list
+from planner.argument_kinds import (
+    MAPPING,
+    POSES,
+    check_fraction,
+    check_kinds,
+    check_list,
+    kind_shown,
+)
 from planner.camera.camera import Camera, camera_parts, check_bodies
 from planner.camera.pose import (
     GivenPose,
+    HoldsPoses,
     PoseUncertainty,
     checked_poses,
     look_at,
@@ -190,7 +198,7 @@ def predict(
     wanted : mapping
         Name to `Dimension`, or to an edge, rim or arc, as in `plan_inspection`: its length, diameter
         or radius is measured. The length of an edge needs a corner at each end in the image.
-    cam2world : array_like (4, 4)
+    cam2world : array_like (4, 4) or GivenPose
         Planned pose of the camera.
     camera : Camera
         The camera.
@@ -238,14 +246,17 @@ def predict(
     >>> found.inspected, found.probability, {name: round(mm, 2) for name, mm in found.missed.items()}
     (False, nan, {'resolution_mm': 0.49})
     """
-    check_kinds(solid=(solid, "Solid"), wanted=(wanted, MAPPING))
-    check_kinds(camera=(camera, "Camera"), pose_uncertainty=(pose_uncertainty, "PoseUncertainty"))
+    check_kinds(
+        solid=(solid, "Solid"),
+        wanted=(wanted, MAPPING),
+        cam2world=(cam2world, POSES),
+        camera=(camera, "Camera"),
+        pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
+    )
     check_fraction("accuracy", accuracy)
     if not wanted:
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")
-    pose = np.asarray(cam2world, dtype=np.float64)
-    if pose.shape != (4, 4):
-        raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(pose.shape))
+    pose = _one_pose(cam2world)
     predicted = predict_poses(
         solid,
         wanted,
@@ -257,6 +268,19 @@ def predict(
         options=options,
     )
     return predicted.predictions[0]
+
+
+def _one_pose(cam2world: Any) -> NDArray[np.float64]:
+    """Return a pose (4, 4), or raise `RequestError`."""
+    try:
+        pose = np.asarray(getattr(cam2world, "cam2world", cam2world), dtype=np.float64)
+    except (TypeError, ValueError):
+        hint = "predict_poses takes several"
+        got = kind_shown(cam2world)
+        raise RequestError.of_rule("cam2world", "must be an array (4, 4)", got, hint=hint) from None
+    if pose.shape != (4, 4):
+        raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(pose.shape))
+    return pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -345,7 +369,7 @@ def _or_zero(value: float) -> float:
 def predict_poses(
     solid: Solid,
     wanted: Mapping[str, Any],
-    poses: Sequence[GivenPose] | ArrayLike,
+    poses: Sequence[GivenPose] | HoldsPoses | ArrayLike,
     camera: Camera,
     pose_uncertainty: PoseUncertainty,
     *,
@@ -364,8 +388,8 @@ def predict_poses(
         The part.
     wanted : mapping
         Name to `Dimension`, or to an edge, rim or arc, as `predict` takes it.
-    poses : sequence of GivenPose, or array_like (n, 4, 4)
-        The poses, such as `read_poses` returns them. An array gets the names pose_01, pose_02, and so on.
+    poses : sequence of GivenPose, PoseFile, or array_like (n, 4, 4)
+        The poses, or what `read_poses` returns. An array gets the names pose_01, pose_02, and so on.
     camera : Camera
         The camera.
     pose_uncertainty : PoseUncertainty
@@ -407,6 +431,7 @@ def predict_poses(
     check_kinds(
         solid=(solid, "Solid"),
         wanted=(wanted, MAPPING),
+        poses=(poses, POSES),
         camera=(camera, "Camera"),
         pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
     )
