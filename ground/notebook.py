@@ -71,8 +71,8 @@ class NotebookView:
         Below the sentences; none without rows.
     items : mapping of str to str
         A list below the tables: names, and what is said of them.
-    details : NotebookTable or None
-        A second table below the first; none without rows.
+    details, third : NotebookTable or None
+        Tables below the first; none without rows.
     """
 
     title: str
@@ -80,15 +80,17 @@ class NotebookView:
     table: NotebookTable | None = None
     items: Mapping[str, str] = field(default_factory=dict)
     details: NotebookTable | None = None
+    third: NotebookTable | None = None
 
     def html(self) -> str:
         """Return a part of a page that needs nothing else; every text is escaped."""
+        tables = (self.table, self.details, self.third)
         page = render(
             "ground",
             "notebook.html",
             title=self.title,
             lines=self.lines,
-            tables=[table for table in (self.table, self.details) if table and table.rows],
+            tables=[table for table in tables if table and table.rows],
             items=self.items,
             tones=TONES,
         )

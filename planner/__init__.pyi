@@ -38,9 +38,11 @@ from .light.lighting import RingSpace as RingSpace
 from .light.mounted_light import CoaxialLight as CoaxialLight
 from .light.mounted_light import DiffuseDome as DiffuseDome
 from .light.mounted_light import RingLight as RingLight
-from .light.plan_light import plan_light as plan_light
 from .light.reflection import Material as Material
 from .light_catalogue import light_names as light_names
+from .lights import LightShows as LightShows
+from .lights import compare_lights as compare_lights
+from .lights import plan_light as plan_light
 from .measuring.measurer import MeasureOptions as MeasureOptions
 from .measuring.measurer import Measurer as Measurer
 from .measuring.measurer import measure as measure
@@ -52,11 +54,9 @@ from .measuring.results import Decision as Decision
 from .measuring.results import DecisionRule as DecisionRule
 from .measuring.results import MeasurementResults as MeasurementResults
 from .measuring.results import Result as Result
-from .optics import LightShows as LightShows
 from .optics import OpticsProposal as OpticsProposal
 from .optics import PosePrediction as PosePrediction
 from .optics import PosesPrediction as PosesPrediction
-from .optics import compare_lights as compare_lights
 from .optics import optics_table as optics_table
 from .optics import predict as predict
 from .optics import predict_poses as predict_poses

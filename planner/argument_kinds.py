@@ -22,6 +22,9 @@ ITEMS = "mapping or sequence"
 MAPPING = "mapping"
 """Names the items of a request by keys."""
 
+POSES = "pose or list of poses"
+"""A `GivenPose`, a file of them, a list, or an array (4, 4) or (n, 4, 4). Its shape is checked elsewhere."""
+
 OF_MODEL = "write wanted, left_out = dimensions_to_plan(stated) and pass wanted"
 """Says how dimensions of a CAD model become a request."""
 
@@ -129,6 +132,8 @@ def check_kinds(**given: tuple[object, str]) -> None:
             hint = OF_MODEL
         if any(_is(value, other) for _, other in given.values()):
             hint = f"the order of the arguments is {', '.join(given)}"
+        elif kind == POSES:
+            continue
         rule = f"must be {with_article(kind)}"
         raise RequestError.of_rule(parameter, rule, kind_shown(value), hint=hint)
 
@@ -261,7 +266,18 @@ def _is(value: object, kind: str) -> bool:
         return isinstance(value, Mapping | Sequence) and not isinstance(value, str | bytes)
     if kind == MAPPING:
         return isinstance(value, Mapping)
+    if kind == POSES:
+        return _is_poses(value)
     return kind in (ancestor.__name__ for ancestor in type(value).__mro__)
+
+
+def _is_poses(value: object) -> bool:
+    """Return whether a value is surely one or more poses."""
+    if isinstance(value, list | tuple) and value:
+        return _is_poses(value[0])
+    if tuple(getattr(value, "shape", ()))[-2:] == (4, 4):
+        return True
+    return any(_is(value, kind) for kind in ("GivenPose", "PoseFile"))
 
 
 def kind_of_model(value: object) -> bool:

@@ -11,7 +11,7 @@ from numbers import Real
 from typing import Any
 
 from ground.short_repr import short_repr
-from planner.argument_kinds import NOT_NEGATIVE, check_count, check_number
+from planner.argument_kinds import NOT_NEGATIVE, check_count, check_number, names_meant
 from planner.exceptions import RequestError
 
 _STARTS = ("refine_starts", "spread_starts", "turned_starts")
@@ -191,6 +191,7 @@ class Search:
         return {name: value for name, value in self.__dict__.items() if name not in others}
 
 
+@names_meant
 @dataclass(frozen=True)
 class Effort:
     """How long to search for a plan and its proof. The defaults suit a hundred entities.

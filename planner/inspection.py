@@ -51,9 +51,8 @@ from planner.identity import Request
 from planner.light.area_light import AreaSpace
 from planner.light.corner_light import DEFAULT_STEP
 from planner.light.lighting import Lighting, RingSpace
-from planner.light.plan_light import chosen_lamps
+from planner.lights import readable_light
 from planner.measuring.foreseen import foreseen_in_time
-from planner.measuring.lit_edges import reads_of
 from planner.measuring.planned_edges import registered_problem
 from planner.options import InspectionOptions, RunOptions, options_or_default
 from planner.plan import InspectionPlan
@@ -399,11 +398,8 @@ def with_light(
     """
     if lighting is None or plan.light is not None:
         return plan
-    reads = reads_of(solid, plan.request.registration)
     try:
-        light = chosen_lamps(
-            lighting, plan, solid, progress, reads=reads, executor=executor, deadline=deadline
-        )
+        light = readable_light(lighting, plan, solid, progress, executor, deadline)
     except TimeIsUpError:
         return plan
     return shown_only(replace(plan, light=light))

@@ -1,4 +1,4 @@
-"""What a pose, and what a lens, would promise, without planning; and what lights would show of a plan."""
+"""What a pose, and what a lens, would promise, without planning."""
 
 from __future__ import annotations
 
@@ -6,19 +6,26 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errors.checks import probability_text
-from ground.convert import Meta
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
 from ground.short_repr import short_repr
-from planner.argument_kinds import MAPPING, check_fraction, check_kinds, check_list
+from planner.argument_kinds import (
+    MAPPING,
+    POSES,
+    check_fraction,
+    check_kinds,
+    check_list,
+    kind_shown,
+)
 from planner.camera.camera import Camera, camera_parts, check_bodies
 from planner.camera.pose import (
     GivenPose,
+    HoldsPoses,
     PoseUncertainty,
     checked_poses,
     look_at,
@@ -27,15 +34,9 @@ from planner.camera.pose import (
 from planner.detectability.conditions import NOT_ASKED
 from planner.effort import NORMAL
 from planner.exceptions import RequestError
-from planner.light.area_lights import AREA_LIGHTS, area_of_word
-from planner.light.lighting import LampDome, Lighting
-from planner.light.plan_light import chosen_lamps
-from planner.light.reflection import Material
-from planner.measuring.lit_edges import reads_of
 from planner.measuring.planned_edges import registered_problem
 from planner.options import InspectionOptions, options_or_default
-from planner.plan_file import Reasons
-from planner.progress import Progress, labelled, report
+from planner.progress import labelled, report
 from planner.request.camera_limits import position_margin_mm
 from planner.request.constraints import RESOLUTION, Constraints, Lens, Requirements, image_slacks
 from planner.request.dimension_files import surfaces_or_default
@@ -52,8 +53,6 @@ from planner.verify.joint_counts import MOST_REQUIRED, DisplacedChecks, poses_ne
 if TYPE_CHECKING:
     from aspectgraph import Solid
     from errors.measurands import Localisation
-    from planner.light.light_plan import LightPlan
-    from planner.plan import InspectionPlan
 
 # How sure is it from here? What a given pose inspects, without planning.
 
@@ -199,7 +198,7 @@ def predict(
     wanted : mapping
         Name to `Dimension`, or to an edge, rim or arc, as in `plan_inspection`: its length, diameter
         or radius is measured. The length of an edge needs a corner at each end in the image.
-    cam2world : array_like (4, 4)
+    cam2world : array_like (4, 4) or GivenPose
         Planned pose of the camera.
     camera : Camera
         The camera.
@@ -247,14 +246,17 @@ def predict(
     >>> found.inspected, found.probability, {name: round(mm, 2) for name, mm in found.missed.items()}
     (False, nan, {'resolution_mm': 0.49})
     """
-    check_kinds(solid=(solid, "Solid"), wanted=(wanted, MAPPING))
-    check_kinds(camera=(camera, "Camera"), pose_uncertainty=(pose_uncertainty, "PoseUncertainty"))
+    check_kinds(
+        solid=(solid, "Solid"),
+        wanted=(wanted, MAPPING),
+        cam2world=(cam2world, POSES),
+        camera=(camera, "Camera"),
+        pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
+    )
     check_fraction("accuracy", accuracy)
     if not wanted:
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")
-    pose = np.asarray(cam2world, dtype=np.float64)
-    if pose.shape != (4, 4):
-        raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(pose.shape))
+    pose = _one_pose(cam2world)
     predicted = predict_poses(
         solid,
         wanted,
@@ -266,6 +268,19 @@ def predict(
         options=options,
     )
     return predicted.predictions[0]
+
+
+def _one_pose(cam2world: Any) -> NDArray[np.float64]:
+    """Return a pose (4, 4), or raise `RequestError`."""
+    try:
+        pose = np.asarray(getattr(cam2world, "cam2world", cam2world), dtype=np.float64)
+    except (TypeError, ValueError):
+        hint = "predict_poses takes several"
+        got = kind_shown(cam2world)
+        raise RequestError.of_rule("cam2world", "must be an array (4, 4)", got, hint=hint) from None
+    if pose.shape != (4, 4):
+        raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(pose.shape))
+    return pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -354,7 +369,7 @@ def _or_zero(value: float) -> float:
 def predict_poses(
     solid: Solid,
     wanted: Mapping[str, Any],
-    poses: Sequence[GivenPose] | ArrayLike,
+    poses: Sequence[GivenPose] | HoldsPoses | ArrayLike,
     camera: Camera,
     pose_uncertainty: PoseUncertainty,
     *,
@@ -373,8 +388,8 @@ def predict_poses(
         The part.
     wanted : mapping
         Name to `Dimension`, or to an edge, rim or arc, as `predict` takes it.
-    poses : sequence of GivenPose, or array_like (n, 4, 4)
-        The poses, such as `read_poses` returns them. An array gets the names pose_01, pose_02, and so on.
+    poses : sequence of GivenPose, PoseFile, or array_like (n, 4, 4)
+        The poses, or what `read_poses` returns. An array gets the names pose_01, pose_02, and so on.
     camera : Camera
         The camera.
     pose_uncertainty : PoseUncertainty
@@ -416,6 +431,7 @@ def predict_poses(
     check_kinds(
         solid=(solid, "Solid"),
         wanted=(wanted, MAPPING),
+        poses=(poses, POSES),
         camera=(camera, "Camera"),
         pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
     )
@@ -1045,155 +1061,3 @@ def _rank(proposal: OpticsProposal) -> tuple[Any, ...]:
         proposal.body,
         proposal.lens,
     )
-
-
-# Which light suffices for a plan: what each kind of light shows of its targets, in its settings.
-
-
-LAMPS = "lamps"
-"""Small lamps anywhere on a dome around the part, as few as possible."""
-# radius of that dome, in diagonals of the part
-_DOME = 3.0
-
-
-@dataclass(frozen=True)
-class LightShows:
-    """What a light shows of the targets of a plan.
-
-    Attributes
-    ----------
-    kind : str
-        "backlight", "diffuse-dome", "coaxial", "ring-light" or "lamps".
-    light : str
-        Its sizes, and how far from the camera it is; of lamps, how many.
-    shown : tuple of str
-        Targets that it shows in at least one of the settings that measure them, in the order of the plan.
-    dark : dict of str to str
-        The others, and why.
-
-    Examples
-    --------
-    >>> from planner import LightShows
-    >>> LightShows("coaxial", "a window of 50 mm", ("d1",)).shown
-    ('d1',)
-    """
-
-    __repr__ = short_repr
-
-    kind: str
-    light: str
-    shown: Annotated[tuple[str, ...], Meta(title="must be an array of names")]
-    dark: Reasons = field(default_factory=dict)
-
-
-def compare_lights(
-    plan: InspectionPlan,
-    solid: Solid,
-    material: Material | None = None,
-    *,
-    progress: Progress | None = None,
-) -> tuple[LightShows, ...]:
-    """Return what each kind of light shows of the targets of a plan; the first one shows most.
-
-    The settings stay as they are. A plan that was made for one light has settings that suit it. So
-    compare lights on a plan without any. Each light has the size that part and camera need.
-
-    Parameters
-    ----------
-    plan : InspectionPlan
-        The plan. Its own light does not matter.
-    solid : Solid
-        Its part.
-    material : Material, optional
-        Of the part. Default: matt.
-    progress : callable, optional
-        ``progress(done, total, label)``.
-
-    Returns
-    -------
-    tuple of LightShows
-        A backlight, a diffuse dome, coaxial light, a ring, and the best small lamps. Of two that
-        show as many targets, the simpler one is first, in this order. The same for the same
-        arguments.
-
-    Raises
-    ------
-    RequestError
-        If the part is not the plan's, or its camera is focused at infinity.
-
-    Examples
-    --------
-    >>> from aspectgraph import read_solid
-    >>> from planner import compare_lights, read_plan
-    >>> plan = read_plan("examples/two_pocket_block_plan.json")
-    >>> block = read_solid("examples/two_pocket_block.off")
-    >>> sorted(item.kind for item in compare_lights(plan, block))
-    ['backlight', 'coaxial', 'diffuse-dome', 'lamps', 'ring-light']
-    """
-    check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"))
-    if why := plan.request.other_part(solid):
-        raise RequestError.of_rule("solid", "must be the part of the plan", why)
-    if material is not None:
-        check_kinds(material=(material, "Material"))
-    material = material or Material()
-    shown = labelled(progress, "lights")
-    kinds = (*AREA_LIGHTS, LAMPS)
-    compared = []
-    for k, kind in enumerate(kinds):
-        compared.append(_shows(kind, plan, solid, material))
-        if shown is not None:
-            shown(k + 1, len(kinds), "")
-    # sorted keeps the order of equals
-    return tuple(sorted(compared, key=lambda item: -len(item.shown)))
-
-
-def _shows(kind: str, plan: InspectionPlan, solid: Solid, material: Material) -> LightShows:
-    if kind == LAMPS:
-        low, high = (np.asarray(corner, dtype=np.float64) for corner in solid.bounds)
-        x, y, z = ((low + high) / 2).tolist()
-        radius = _DOME * float(np.linalg.norm(high - low))
-        lamps: object = LampDome((x, y, z), radius)
-    else:
-        lamps = area_of_word(kind, solid, plan.camera, material)
-    reads = reads_of(solid, plan.request.registration)
-    light = chosen_lamps(Lighting(lamps, material=material), plan, solid, reads=reads)
-    dark = _dark(plan, light)
-    names = [name for name in plan.entities if name in plan.promises]
-    called = str(light.area)
-    if kind == LAMPS:
-        n = len(light.lamps)
-        called = f"{n} lamp{'s' * (n != 1)} on a dome of {radius:.0f} mm around the part"
-    return LightShows(kind, called, tuple(name for name in names if name not in dark), dark)
-
-
-def _dark(plan: InspectionPlan, light: LightPlan) -> dict[str, str]:
-    """Return the targets that a light shows in no setting, and the reason of the first."""
-    lit = {name for images in light.images for image in images for name in image.contrast}
-    reasons: dict[str, str] = {}
-    for unlit in light.unlit:
-        for name, reason in unlit.items():
-            if name not in lit:
-                reasons.setdefault(name, reason)
-    return reasons
-
-
-def sufficient(compared: Sequence[LightShows]) -> str:
-    """Return the sentence that says which light suffices.
-
-    Parameters
-    ----------
-    compared : sequence of LightShows
-        From `compare_lights`.
-    """
-    best = compared[0]
-    total = len(best.shown) + len(best.dark)
-    if not best.dark:
-        return f"{best.kind} shows every target."
-    if not best.shown:
-        return "No light shows any target in these settings."
-    text = f"No light shows all targets. {best.kind} shows most: {len(best.shown)} of {total}."
-    missing = [name for name in best.dark if any(name in item.shown for item in compared)]
-    if missing:
-        other = next(item for item in compared if missing[0] in item.shown)
-        text += f" {other.kind} shows {', '.join(name for name in best.dark if name in other.shown)}, too."
-    return text

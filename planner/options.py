@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from errors.measurands.geometry import Localisation as Localisation
 from ground.short_repr import short_repr
-from planner.argument_kinds import check_callable, check_kinds, check_space, kind_shown
+from planner.argument_kinds import check_callable, check_kinds, check_space, kind_shown, names_meant
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
@@ -59,6 +59,7 @@ class RunOptions:
             check_space(self.space)
 
 
+@names_meant
 @dataclass(frozen=True)
 class InspectionOptions(RunOptions):
     """The options of `plan_inspection`, also as one value.
@@ -158,8 +159,8 @@ class InspectionOptions(RunOptions):
         Whether two settings may measure the ends of a distance or angle, or a hole and its datums.
         With "auto", they do where that inspects more or saves a setting. With "never", one image
         shows all entities of a target. `measure` reads such values from all images together.
-    poses : sequence of GivenPose, or array_like (n, 4, 4), optional
-        Poses that exist, such as those of `read_poses`. The plan chooses the fewest of them, and its
+    poses : sequence of GivenPose, PoseFile, or array_like (n, 4, 4), optional
+        Poses that exist, such as `read_poses` returns. The plan chooses the fewest of them, and its
         bound is that of these poses. Nothing is searched or moved. Default: poses are searched.
     gap : float
         Stop improving the plan and its bound at this gap, in [0, 1). The gap is the share of the
@@ -269,7 +270,7 @@ class InspectionOptions(RunOptions):
         if not hasattr(registration, "planned"):
             raise RequestError.of_rule(
                 "registration",
-                "must be Registration.own_edges() or a PoseUncertainty",
+                "must be Registration.own_edges(), Registration.none() or a PoseUncertainty",
                 kind_shown(registration),
             )
         planned: RegistrationRecord = registration.planned()

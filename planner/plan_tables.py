@@ -30,6 +30,30 @@ _DEG = math.degrees(1.0)
 _SHOWN_TARGETS = 12
 
 
+_ARM_HEADINGS = (
+    "part lies",
+    "joints (°)",
+    "clearance (mm)",
+    "to limit (°)",
+    "singular value",
+)
+
+
+def _arm_cells(setting: Any) -> tuple[str, ...]:
+    """Return how the robot stands in a setting, a text for each of the headings."""
+    turned = "" if setting.angle_deg is None else f", table at {setting.angle_deg:g}°"
+    closest = setting.arm.get("closest", "")
+    between = f" between {closest}" if closest else ""
+    return (
+        f"{setting.fixturing}{turned}",
+        # adding 0 turns a negative zero into 0
+        ", ".join(f"{round(angle * _DEG, 1) + 0.0:.1f}" for angle in setting.joints),
+        f"{setting.arm['clearance_robot_mm']:.1f}{between}",
+        f"{setting.arm['to_limit_rad'] * _DEG:.0f}",
+        f"{setting.arm['singular_value']:.2f}",
+    )
+
+
 class PlanTables(ShownInNotebook):
     """What an `InspectionPlan` shows of itself; it brings the fields."""
 
@@ -39,6 +63,7 @@ class PlanTables(ShownInNotebook):
     unfinished: bool
     simulation: Any
     light: Any
+    cell: Mapping[str, Any]
 
     if TYPE_CHECKING:
 
@@ -247,7 +272,20 @@ class PlanTables(ShownInNotebook):
             NotebookTable(headings, rows, right=(0,)),
             self.uninspectable,
             self._measured_table(),
+            self._arm_table(),
         )
+
+    def _arm_table(self) -> NotebookTable | None:
+        """Return how the robot stands in each setting of a plan for a cell; None of another plan."""
+        if not self.cell:
+            return None
+        rows = [
+            (number, *_arm_cells(setting))
+            for number, setting in enumerate(self.settings, start=1)
+            if setting.fixturing
+        ]
+        note = f"{self.cell['robot']} reaches these settings."
+        return NotebookTable(("", *_ARM_HEADINGS), rows, right=(0, 4, 5), note=note)
 
     def _measured_table(self) -> NotebookTable:
         """Return what is measured, how wrong and how surely: the first targets, from their best settings."""

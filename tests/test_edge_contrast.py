@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from contrast_lamps import contrast_lamps
 from plan_examples import plan_with
 
 from aspectgraph import compute_regions, read_solid
-from planner import Camera, LampBox, PoseUncertainty, SensorSetting, look_at, plan_light
+from planner import Camera, LampBox, PoseUncertainty, SensorSetting, look_at
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "images"))
 from edge_contrast import lamps_of, steps_under, triples, weak
@@ -81,7 +82,7 @@ def test_what_is_planned_to_show_does():
     solid = read_solid(EXAMPLES / PARTS[0])
     plan = drawn_plan(solid, 24, 3)
     (low, high) = solid.bounds
-    light = plan_light(plan, solid, LampBox(tuple(low - 300), tuple(high + 300)))
+    light = contrast_lamps(plan, solid, LampBox(tuple(low - 300), tuple(high + 300)))
     lamps = lamps_of(light)
     planned = steps_under(solid, plan, lambda k, name: lamps.get((k, name)))
     at_camera = steps_under(solid, plan, lambda k, name: plan.settings[k].position)

@@ -21,6 +21,7 @@ from planner import (
     Cell,
     GivenPose,
     Lighting,
+    LightShows,
     PartResult,
     PartResults,
     Registration,
@@ -57,6 +58,9 @@ def values():
         "required": read_requirements(CTC_01, read_solid(CTC_01)),
         "program": programmed(),
         "parts": PARTS,
+        "shows": SHOWS,
+        "reached": reached(),
+        "celled": celled(),
     }
 
 
@@ -67,6 +71,30 @@ PARTS = PartResults(
         PartResult("open.stl", "refused", "the part must be closed. Got 3 holes."),
     ]
 )
+
+
+SHOWS = LightShows("coaxial", "a window of 50 mm", ("d1", "d2"), {"d3": "only 70 % of <r0> shows"})
+
+
+def reached():
+    """What an arm reaches of a plan's settings."""
+    block = read_solid("examples/two_pocket_block.off")
+    made = read_plan("examples/two_pocket_block_plan.json")
+    return Cell.from_toml("examples/cell.toml").reachability(made, block)
+
+
+def celled():
+    """A plan whose first setting an arm takes."""
+    made = replace(plan(), cell={"robot": "made"})
+    arm = {"clearance_robot_mm": 12.34, "closest": "link_2 and table"}
+    stands = replace(
+        made.settings[0],
+        fixturing="up",
+        angle_deg=30.0,
+        joints=(np.pi / 2, -np.pi / 4, 0.0, -1e-9, 0.0, 0.0),
+        arm={**arm, "to_limit_rad": np.pi / 6, "singular_value": 0.256},
+    )
+    return replace(made, settings=(stands, *made.settings[1:]))
 
 
 def programmed():
@@ -88,7 +116,8 @@ def predicted():
 
 
 NAMES = (
-    "solid", "graph", "plan", "light", "results", "result", "predicted", "poses", "program", "parts", "required",
+    "solid", "graph", "plan", "light", "results", "result", "predicted", "poses", "program", "parts", "shows",
+    "reached", "celled", "required",
 )  # fmt: skip
 
 
@@ -263,10 +292,20 @@ def test_the_results_of_a_folder_are_one_table():
     html = PARTS._repr_html_()
     # what is not planned comes first, with the reason
     cells = re.findall("<td[^>]*>(?:<span[^>]*>)?([^<]*)", html)
-    assert cells[::4] == ["a&lt;b.step", "open.stl", "lids/lid.step"]
-    assert cells[1:4] == ["incomplete", "2 (at least 2)", "no lamp shows rim &amp; edge"]
+    assert cells[::5] == ["a&lt;b.step", "open.stl", "lids/lid.step"]
+    assert cells[1:5] == ["incomplete", "", "2 (at least 2)", "no lamp shows rim &amp; edge"]
     assert f'color:{TONES["bad"]}">1 planned, 1 incomplete, 1 refused.<' in html
     assert "3 requirements left out." in html
+    both = PartResults(
+        [
+            replace(PARTS[0], inspected=8, targets=8),
+            replace(PARTS[1], inspected=4, targets=6),
+            PARTS[2],
+        ]
+    )
+    assert repr(both).endswith("1 refused; 12 of 14 targets inspected>")
+    assert "12 of 14 targets inspected." in both._repr_html_()
+    assert ">4 of 6</td>" in both._repr_html_()
     long = PartResults(PARTS[:1] * 20)
     assert long._repr_html_().count("<tr>") == 13
     assert "and 8 more; results.csv in the folder lists all." in long._repr_html_()
@@ -290,6 +329,43 @@ def test_lamps_that_miss_a_target_say_so():
     assert "<li>bottom in setting 1: no lamp reaches it</li>" in unlit._repr_html_()
     assert "300.0, 25.0, 90.0" in LIGHT._repr_html_()
     assert "0.30" in LIGHT._repr_html_()
+
+
+def test_a_light_says_what_it_shows_and_why_not_all():
+    html = SHOWS._repr_html_()
+    assert f'color:{TONES["bad"]}">It shows 2 of 3 targets.<' in html
+    assert "a window of 50 mm" in html
+    assert "<li>d3: only 70 % of &lt;r0&gt; shows</li>" in html
+    assert repr(SHOWS) == "<LightShows 'coaxial': 2 of 3 targets>"
+    whole = replace(SHOWS, dark={})
+    assert f'color:{TONES["good"]}">It shows 2 of 2 targets.<' in whole._repr_html_()
+
+
+def test_what_an_arm_reaches_is_a_table():
+    """The last column is the fixturing in which an object is in the way."""
+    html = values()["reached"]._repr_html_()
+    assert f'color:{TONES["good"]}">1 of 1 setting reached.<' in html
+    cells = re.findall("<td[^>]*>([^<]*)</td>", html)
+    ((name, joints, why),) = values()["reached"].rows()
+    assert cells == [name, joints, why]
+    assert len(joints.split()) == 6
+    assert why.endswith("touches pedestal")
+
+
+def test_a_plan_for_a_cell_says_how_the_robot_stands():
+    html = values()["celled"]._repr_html_()
+    assert html.count("<table") == plan()._repr_html_().count("<table") + 1
+    cells = re.findall("<td[^>]*>([^<]*)</td>", html.rpartition("<table")[2])
+    assert cells == [
+        "1",
+        "up, table at 30°",
+        "90.0, -45.0, 0.0, 0.0, 0.0, 0.0",
+        "12.3 between link_2 and table",
+        "30",
+        "0.26",
+    ]
+    assert "made reaches these settings." in html
+    assert "part lies" not in plan()._repr_html_()
 
 
 def test_names_bring_no_markup():

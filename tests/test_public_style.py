@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import inspect
 import sys
 import types
 from importlib.metadata import version
@@ -32,7 +33,10 @@ from aspectgraph import (
 )
 from planner import (
     Camera,
+    Detectability,
     Distortion,
+    Effort,
+    InspectionOptions,
     InspectionPlan,
     MeasureOptions,
     PartRequest,
@@ -47,8 +51,10 @@ from planner import (
     plan_light,
     plan_setting,
     predict,
+    predict_poses,
     propose_optics,
     read_plan,
+    read_poses,
     report_html,
     write_poses,
 )
@@ -158,6 +164,7 @@ def test_without_pandas_one_sentence_says_what_to_install(monkeypatch):
 
 
 ORDER = "the order of the arguments is"
+POSE_FILE = read_poses(ROOT / "examples/two_pocket_block_poses.yaml")
 WRONG = [
     (lambda: plan_inspection(CAMERA, BLOCK, RIM, SIGMA), "solid must be a Solid", ORDER),
     (lambda: plan_inspection(BLOCK, CAMERA, RIM, SIGMA), "entities must be a mapping", ORDER),
@@ -170,6 +177,17 @@ WRONG = [
     (lambda: plan_setting(None, "rim", CAMERA, SIGMA), "names must be a mapping", "Got 'rim'"),
     (lambda: plan_setting(None, ["rim"], SIGMA, CAMERA), "camera must be a Camera", ORDER),
     (lambda: predict(BLOCK, ["rim"], None, CAMERA, SIGMA), "wanted must be a mapping", "a list"),
+    (lambda: predict(BLOCK, np.eye(4), RIM, CAMERA, SIGMA), "wanted must be a mapping", ORDER),
+    (lambda: predict(BLOCK, RIM, CAMERA, np.eye(4), SIGMA), "cam2world must be a pose", ORDER),
+    (lambda: predict(BLOCK, RIM, np.eye(4), SIGMA, CAMERA), "camera must be a Camera", ORDER),
+    (lambda: predict(BLOCK, RIM, None, CAMERA, SIGMA), "must have the shape", "Got ()"),
+    (lambda: predict(BLOCK, RIM, POSE_FILE, CAMERA, SIGMA), "cam2world must be", "predict_poses"),
+    (lambda: predict_poses(BLOCK, POSE_FILE, RIM, CAMERA, SIGMA), "wanted must be", ORDER),
+    (
+        lambda: plan_inspection(BLOCK, RIM, CAMERA, SIGMA, registration="edges"),
+        "Registration.own_edges()",
+        "Registration.none()",
+    ),
     (lambda: propose_optics(BLOCK, SIGMA, RIM), "wanted must be a mapping", ORDER),
     (lambda: plan_light(BLOCK, read_plan(PLAN), "ring"), "plan must be an InspectionPlan", ORDER),
     (lambda: write_poses("poses", read_plan(PLAN)), "Got 'poses'", "read_plan"),
@@ -186,6 +204,21 @@ WRONG = [
     (lambda: plan_folder("parts", CAMERA, "out"), "request must be a PartRequest", "Got 'out'"),
     (lambda: plan_folder("parts", BLOCK, REQUEST), "out must be a path", "Got a Solid"),
 ]
+
+
+@pytest.mark.parametrize(
+    ("kind", "word", "meant"),
+    [
+        (InspectionOptions, "acuracy", "accuracy"),
+        (Effort, "viewpoint", "viewpoints"),
+        (Detectability, "seperation_px", "separation_px"),
+    ],
+)
+def test_a_field_that_there_is_not_names_the_one_that_is_meant(kind, word, meant):
+    text = rf"^{kind.__name__}\(\) has no argument '{word}'; did you mean '{meant}'\?$"
+    with pytest.raises(TypeError, match=text):
+        kind(**{word: 1})
+    assert meant in inspect.signature(kind).parameters
 
 
 @pytest.mark.parametrize(

@@ -40,10 +40,13 @@ from planner import (
     Measurer,
     PoseUncertainty,
     Registration,
+    Rehearsal,
     plan_inspection,
     plan_setting,
     predict,
+    read_plan,
 )
+from planner.measuring.rehearsal import Rendered
 
 FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 BOX = Solid(list(product((0, 40), (0, 30), (0, 20))), FACES, name="box")
@@ -89,6 +92,23 @@ def test_drawings(eag):
     pytest.importorskip("matplotlib").use("agg")
     assert repr(plot_graph(eag)) == "<GraphDrawing: 4 nodes, 5 edges>"
     assert repr(plot_section(eag)) == "<SectionDrawing: 3 domains in the window>"
+
+
+def test_camera():
+    text = "<Camera 'basler-acA2440-20gm-8mm': 8 mm, 2448 × 2048 px, f/8, focus at 300 mm>"
+    assert repr(CAMERA) == text
+    off = replace(CAMERA, name="", principal_point_px=(1200.0, 1000.0), f_number=5.6)
+    assert repr(off) == "<Camera: 8 mm, 2448 × 2048 px, f/5.6, focus at 300 mm, calibrated>"
+
+
+def test_rendered_images():
+    made = read_plan("examples/two_pocket_block_plan.json")
+    rehearsal = Rehearsal(made, read_solid("examples/two_pocket_block.off"), seed=3)
+    truth = rehearsal.truth
+    assert repr(truth) == "<Truth of 'two_pocket_block': 1 image, surfaces 0 mm, seed 3>"
+    assert repr(replace(truth, part="")) == "<Truth: 1 image, surfaces 0 mm, seed 3>"
+    image = Rendered(rehearsal._shots[0], np.zeros((3, 4), np.uint8), np.eye(4))
+    assert repr(image) == "<Rendered 'setting_01': 4 × 3 px, uint8>"
 
 
 def test_run_of_the_genetic_algorithm():

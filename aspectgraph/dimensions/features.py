@@ -232,11 +232,29 @@ class Attachments:
     """
 
     def __init__(self, solid: Solid):
+        self.vertices = solid.vertices
         self.edges = solid.straight_edges()
         self.ends = np.array([solid.edge_points(edge.id) for edge in self.edges]).reshape(-1, 2, 3)
         self.circles: tuple[Arc, ...] = (*solid.rims(), *solid.arcs())
         lowest, highest = solid.bounds
         self.match_mm = RELATIVE_MATCH * float(np.linalg.norm(highest - lowest))
+
+    def has_vertex_on(self, edge: dict[str, Any]) -> bool:
+        """Return whether the solid has a vertex at an end of a line, or on a circle.
+
+        Parameters
+        ----------
+        edge : dict
+            A shape that is a line or a circle, see `semantic_dimensions.describe`.
+        """
+        if edge["kind"] == "line":
+            apart = np.linalg.norm(self.vertices[:, None] - np.array(edge["ends"]), axis=2)
+            return bool(apart.min() <= self.match_mm)
+        off = self.vertices - np.array(edge["point"])
+        above = off @ np.array(edge["axis"])
+        beside = np.linalg.norm(off - above[:, None] * np.array(edge["axis"]), axis=1)
+        apart = np.hypot(above, beside - edge["radius"])
+        return bool(apart.min() <= self._circle_mm(self._bare(edge)))
 
     def features(self, shapes: Sequence[dict[str, Any]]) -> list[Feature]:
         """Return the features of shapes, each once, in their order; shapes that are none of them are left out.

@@ -82,7 +82,8 @@ def read_dimensions(
     PartFileNotFoundError
         There is no such file.
     ReadError
-        The file is not a STEP file, is damaged or exceeds a limit, or a parameter is out of range.
+        The file is not a STEP file, is damaged or exceeds a limit, a parameter is out of range, or the solid is
+        of another file.
     MissingExtraError
         The package cadquery-ocp-novtk is not installed.
 
@@ -170,6 +171,7 @@ def read_requirements(
     ):
         answer, _ = kernel.ask("dimensions", path=str(plain.absolute()), name=Path(path).name)
     reader = _Reader(solid, agreement_mm, agreement_deg)
+    reader.check_same_part(answer, Path(path).name)
     dimensions = _listed_dimensions(reader, answer)
     return ModelRequirements(
         dimensions,
@@ -290,6 +292,31 @@ class _Reader:
             tolerance_class=of_class.name,
             role=stated.role or None,
         )
+
+    def check_same_part(self, answer: dict[str, Any], name: str) -> None:
+        """Refuse a solid that has none of the edges that dimensions are attached to: it is of another file."""
+        rows = answer["found"]
+        statements = read_statements(rows, answer["stated"])
+        placed = [
+            placed_row
+            for row, statement in zip(rows, statements, strict=True)
+            for placed_row in _placed_rows(row, statement)
+        ]
+        shapes = [
+            shape
+            for row in placed
+            if not self._unread(row["solids"])
+            for side in row["sides"]
+            for shape in side
+        ]
+        edges = [edge for shape in shapes for edge in (shape, *shape.get("edges", ()))]
+        lines = [edge for edge in edges if edge["kind"] in ("line", "circle")]
+        if lines and not any(self.attachments.has_vertex_on(edge) for edge in lines):
+            rule = f"must be the part of {name}"
+            got = (
+                f"{self.solid.name!r}, which has no edge that the file's dimensions are attached to"
+            )
+            raise ReadError.of_rule("solid", rule, got, hint="read it with read_solid")
 
     def _in_hole(self, measure: MeasuringWays) -> bool | None:
         """Return whether a diameter is one of holes; None if it is not known, or differs."""

@@ -31,7 +31,9 @@ from rendered_images import PATCH, Lamp, Renderer
 
 from aspectgraph import Solid, compute_regions, contrast, read_solid
 from aspectgraph.solid.solid import RayScene
-from planner import LampBox, look_at, plan_light, read_plan
+from planner import LampBox, look_at, read_plan
+from planner.light.lighting import Lighting
+from planner.light.plan_light import chosen_lamps
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PARTS = ("nist_ctc_01_ap242.stp", "nist_ctc_03_ap242.stp.gz", "mfcad_4-5-5-6-9-23.step")
@@ -285,7 +287,11 @@ def print_plan(solid: Solid, plan) -> None:
     """Print which pairs of a plan are weak under its lamps, and under a lamp at the camera."""
     low, high = solid.bounds
     room = float(np.linalg.norm(high - low))
-    light = plan.light or plan_light(plan, solid, LampBox(tuple(low - room), tuple(high + room)))
+    light = plan.light
+    if light is None:
+        box = LampBox(tuple(low - room), tuple(high + room))
+        # by contrast alone, whatever `measure` would find
+        light = chosen_lamps(Lighting(box), plan, solid)
     print(light)
     lamps = lamps_of(light)
     for name, lamp_of in (

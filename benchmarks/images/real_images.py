@@ -41,9 +41,10 @@ from planner import (
     PoseUncertainty,
     Registration,
     plan_inspection,
-    plan_light,
     read_plan,
 )
+from planner.light.lighting import Lighting
+from planner.light.plan_light import chosen_lamps
 from planner.measuring.images import shots_of
 
 SURFACES_MM = 0.03
@@ -366,7 +367,9 @@ class Bench:
             plan = self._bare_plan()
             if light in ("lamps", "ring"):
                 places = DOME if light == "lamps" else "ring"
-                plan = replace(plan, light=plan_light(plan, self.solid, places))
+                # by contrast alone, as the readings show what else keeps a target from being read
+                lamps = chosen_lamps(Lighting(places), plan, self.solid)
+                plan = replace(plan, light=lamps)
             plan.write(path)
         return read_plan(path)
 

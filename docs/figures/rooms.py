@@ -69,6 +69,7 @@ PLACES = {
 BESIDE = {
     "planner": {
         "optics": "cameras and lenses, ranked",
+        "lights": "lights for a plan",
         "pose_files": "poses that exist",
         "resolve_request": "from arguments to the request",
         "resume": "continue an interrupted plan",

@@ -11,8 +11,10 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExe
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, fields, replace
+from difflib import get_close_matches
 from functools import cached_property
 from importlib import import_module
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -42,6 +44,7 @@ from planner.argument_kinds import (
     check_kinds,
     check_number,
     check_path,
+    shown,
 )
 from planner.callbacks import (
     FORESEEN_SHARE,
@@ -135,6 +138,9 @@ class PartRequest:
         Plan the dimensions that each part (AP242) states, or those of a file for each part,
         instead of its edges. Take ``Effort.for_dimensions()`` with it. A part that states none is
         refused.
+    solids : int, str or sequence of these, optional
+        Solids of STEP files to measure, by number or name, as `aspectgraph.read_solid` takes them. Default:
+        all. A part without them is refused.
 
     Raises
     ------
@@ -165,6 +171,7 @@ class PartRequest:
     effort: Effort = field(default_factory=Effort)
     limits: Mapping[str, Any] = field(default_factory=dict)
     dimensions: ModelDimensions | DimensionFolder | None = None
+    solids: Any = None
 
     __repr__ = short_repr
 
@@ -191,9 +198,15 @@ class PartRequest:
         if self.units is not None:
             check_kinds(units=(self.units, "str"))
             check_units(self.units)
+        if self.solids is not None:
+            object.__setattr__(self, "solids", _checked_solids(self.solids))
         for name, value in self.limits.items():
             if name not in _LIMITS:
-                raise RequestError.of_rule("limits", f"must be of {', '.join(_LIMITS)}", repr(name))
+                hint = ""
+                if near := get_close_matches(str(name), _LIMITS, n=1):
+                    hint = f"the nearest is {near[0]}"
+                rule = f"must be of {', '.join(_LIMITS)}"
+                raise RequestError.of_rule("limits", rule, repr(name), hint=hint)
             if name in _LENGTHS and value is not None:
                 check_number(name, value, NOT_NEGATIVE)
         # what would be refused with every part is refused before the first one
@@ -244,6 +257,9 @@ class PartRequest:
         names = {field.name for field in fields(Request)}
         own = [field.name for field in fields(self) if field.name not in names]
         settings = {name: getattr(self, name) for name in own}
+        if self.solids is None:
+            # digests of results from before there was a choice
+            del settings["solids"]
         # in the request as they are resolved: a default that is given is a default
         settings["limits"] = {"time_limit_s": self.options.time_limit_s}
         if self.dimensions is not None:
@@ -251,6 +267,20 @@ class PartRequest:
             # what its files hold counts, not where they are
             settings["dimensions"].pop("folder", None)
         return digest_of(self.request.fingerprint(), settings)
+
+
+def _checked_solids(solids: Any) -> list[int | str]:
+    """Return numbers or names of solids as a list, or raise `RequestError`."""
+    chosen = [solids] if isinstance(solids, str | Integral) else solids
+    is_list = isinstance(chosen, Sequence) and bool(chosen)
+    if not is_list or not all(_is_solid(solid) for solid in chosen):
+        rule = "must be a number or name of a solid, or a list of these"
+        raise RequestError.of_rule("solids", rule, shown(solids))
+    return [solid if isinstance(solid, str) else int(solid) for solid in chosen]
+
+
+def _is_solid(value: Any) -> bool:
+    return isinstance(value, str | Integral) and not isinstance(value, bool)
 
 
 def limits_of(options: InspectionOptions) -> dict[str, Any]:
@@ -295,6 +325,8 @@ class PartResult:
         Number of requirements that the part states and the plan leaves out, such as geometric tolerances.
     left_out_reasons : str
         Their names, each with its reason. Otherwise empty.
+    inspected, targets : int
+        How many targets the plan inspects, and of how many.
     """
 
     part: str
@@ -315,6 +347,8 @@ class PartResult:
     plan_sha256: Annotated[str, STATED] = ""
     left_out: Annotated[Count, STATED] = 0
     left_out_reasons: Annotated[str, STATED] = ""
+    inspected: Annotated[Count, STATED] = 0
+    targets: Annotated[Count, STATED] = 0
 
     __repr__ = short_repr
 
@@ -358,7 +392,16 @@ class PartResults(list[PartResult], ShownInNotebook):
     def __repr__(self) -> str:
         """Return a one-line summary."""
         counts = ", ".join(f"{n} {status}" for status, n in self.counts.items())
-        return f"<PartResults of {count(len(self), 'part')}: {counts or 'nothing'}>"
+        texts = [counts or "nothing", self._inspected_text()]
+        return f"<PartResults of {count(len(self), 'part')}: {'; '.join(filter(None, texts))}>"
+
+    def _inspected_text(self) -> str:
+        """Say how many targets all plans inspect; empty if no plan is known to have any."""
+        total = sum(result.targets for result in self)
+        inspected = sum(result.inspected for result in self)
+        if not total:
+            return ""
+        return f"{inspected} of {count(total, 'target')} inspected"
 
     def _notebook_view(self) -> NotebookView:
         """Return a table of the parts, those without a whole plan first, as the terminal lists them."""
@@ -367,6 +410,7 @@ class PartResults(list[PartResult], ShownInNotebook):
             (
                 result.part,
                 Toned(result.status, _TONES[result.status]),
+                f"{result.inspected} of {result.targets}" if result.targets else "",
                 f"{result.settings} (at least {result.lower_bound})" if result.settings else "",
                 result.reason,
             )
@@ -374,12 +418,14 @@ class PartResults(list[PartResult], ShownInNotebook):
         ]
         counts = ", ".join(f"{n} {status}" for status, n in self.counts.items())
         tone = "good" if set(self.counts) == {"planned"} else "bad"
-        lines = [Toned(f"{counts}.", tone)] if counts else []
+        lines: list[str | Toned] = [Toned(f"{counts}.", tone)] if counts else []
         if n_left_out := sum(result.left_out for result in self):
             lines.append(Toned(f"{count(n_left_out, 'requirement')} left out.", "open"))
         more = len(self) - len(rows)
         note = f"and {more} more; results.csv in the folder lists all." if more else ""
-        headings = ("part", "status", "settings", "reason")
+        if text := self._inspected_text():
+            lines.append(f"{text}.")
+        headings = ("part", "status", "inspected", "settings", "reason")
         table = NotebookTable(headings, rows, note=note)
         return NotebookView(count(len(self), "part"), lines, table)
 
@@ -690,7 +736,7 @@ def _planned(
     request: PartRequest, part: str, path: Path, folder: Path
 ) -> tuple[InspectionPlan, dict[str, str]]:
     """Read a part, and plan it; return the plan, and the dimensions left out with the reasons."""
-    solid = read_solid(path, units=request.units)
+    solid = read_solid(path, units=request.units, solids=request.solids)
     entities: Mapping[str, Any]
     left_out: dict[str, str] = {}
     if isinstance(request.dimensions, DimensionFolder):
@@ -713,7 +759,7 @@ def _planned(
         folder / STATE_FILE,
         KeptRegions(folder / REGIONS_FOLDER, resolved.request.identity()),
         path,
-        {"units": request.units},
+        {"units": request.units, "solids": request.solids},
         request.simulate,
         request.graph_limit,
         not_planned=left_out,
@@ -752,6 +798,8 @@ def _described(
         lower_bound=int(plan.lower_bound),
         left_out=len(left_out),
         left_out_reasons="; ".join(f"{name}: {reason}" for name, reason in left_out.items()),
+        inspected=len(plan.targets) - len(plan.uninspectable) - len(plan.unlit),
+        targets=len(plan.targets),
         plan_sha256=file_digest(folder / PLAN_FILE),
     )
 
@@ -1006,6 +1054,9 @@ def plan_folder(
     for name, path in (("folder", folder), ("out", out)):
         check_path(name, path)
     source = absolute(folder)
+    if source.resolve() == absolute(out).resolve():
+        rule = "must be another folder than that of the parts"
+        raise RequestError.of_rule("out", rule, name_text(Path(out)))
     if not replace:
         check_set_place(Path(out), TABLES, no_table, "out")
     with output_folder(out, TABLES, "out") as target, folder_lock(target):
@@ -1067,7 +1118,7 @@ def part_files(folder: Path, out: Path) -> list[Path]:
     paths = [
         path
         for path in sorted(folder.rglob("*"))
-        if _is_part(path) and not path.is_dir() and (out == folder or out not in path.parents)
+        if _is_part(path) and not path.is_dir() and out not in path.parents
     ]
     if not paths:
         raise RequestError(

@@ -156,7 +156,7 @@ def _compare(path: str, options: Lights) -> int:
     # here, because they load what takes long
     from planner.app.job import check_same_part
     from planner.app.part import read_part
-    from planner.optics import compare_lights, sufficient
+    from planner.lights import compare_lights, sufficient
     from planner.plan import read_plan
     from planner.progress import terminal_progress
 

@@ -553,6 +553,17 @@ class Camera:
             # a pixel more than there is: what is rounded to the last one lies half a pixel beyond
             self.field(-1.0)
 
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        name = f" {self.name!r}" if self.name else ""
+        width, height = self.resolution
+        is_calibrated = self.distortion is not None or self.principal_point_px is not None
+        calibrated = ", calibrated" if is_calibrated else ""
+        return (
+            f"<Camera{name}: {self.focal_length_mm:g} mm, {width} × {height} px, "
+            f"f/{self.f_number:g}, focus at {self.focus_distance_mm:g} mm{calibrated}>"
+        )
+
     @property
     def image_distance_mm(self) -> float:
         """Distance d from the rear nodal point to the sensor, 1/f = 1/d + 1/s."""

@@ -16,7 +16,7 @@ import math
 import reprlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -251,6 +251,14 @@ class GivenPose:
         return f"<GivenPose {self.name!r} from ({place}) mm>"
 
 
+class HoldsPoses(Protocol):
+    """What holds poses, such as a `PoseFile`."""
+
+    @property
+    def poses(self) -> tuple[GivenPose, ...]:
+        """The poses."""
+
+
 # noise of rotations that are computed
 _OFF_RIGID = 1e-6
 
@@ -260,10 +268,12 @@ def checked_poses(poses: Any) -> tuple[GivenPose, ...]:
 
     Parameters
     ----------
-    poses : sequence of GivenPose, or array_like (n, 4, 4)
+    poses : sequence of GivenPose, PoseFile, or array_like (n, 4, 4)
         An array gets the names pose_01, pose_02, and so on.
     """
-    items = _named_poses(poses)
+    # what `read_poses` returns holds them
+    held = getattr(poses, "poses", None)
+    items = _named_poses(held if isinstance(held, tuple) else poses)
     names = [pose.name for pose in items]
     for pose in items:
         if pose.cam2world.shape != (4, 4):

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass, fields
 
-from planner.argument_kinds import NOT_NEGATIVE, check_number
+from planner.argument_kinds import NOT_NEGATIVE, check_number, names_meant
 from planner.exceptions import RequestError
 
 
+@names_meant
 @dataclass(frozen=True)
 class Detectability:
     """Conditions under which software can find edges in the image.

@@ -400,6 +400,8 @@ def _numbers(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
 # cells that are looked into for places, the largest first; and places that are enough
 _MOST_CELLS = 200
 _ENOUGH = 48
+UNREAD = -1.0
+"""Instead of a reserve, of what a lamp shows and `measure` does not read; -inf of what it does not show."""
 _AROUND = np.array([step for step in product((-1, 0, 1), repeat=3) if any(step)], dtype=np.float64)
 _AROUND /= np.linalg.norm(_AROUND, axis=1, keepdims=True)
 
@@ -454,9 +456,9 @@ class Readers:
         return cls(reads, settings, numbers, targets, background, progress)
 
     def read(self, places: Array, shown: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], Array]:
-        """Return which of the pairs (n, pairs) that lamps (n, 3) show will be read, and with which reserve, or -1."""
+        """Return which of the pairs (n, pairs) that lamps (n, 3) show will be read, and with which reserve."""
         is_read = shown.copy()
-        reserve = np.full(shown.shape, -1.0)
+        reserve = np.where(shown, UNREAD, -np.inf)
         total = len(self.targets) + len(self.settings)
         report(self.progress, 0, total, "light that is read")
         for k, target in enumerate(self.targets):
@@ -469,7 +471,8 @@ class Readers:
             rows = np.flatnonzero(is_read[:, pairs].any(axis=1))
             whites = self._whites(pairs, places[rows])
             more = self.reads.reserve(*pose, places[rows], self.background, whites)
-            reserve[np.ix_(rows, pairs)] = more
+            block = np.ix_(rows, pairs)
+            reserve[block] = np.where(is_read[block], more, reserve[block])
             report(self.progress, len(self.targets) + number + 1, total, "light that is read")
         return is_read & (reserve >= 0), reserve
 
@@ -550,7 +553,7 @@ class Served:
     def keep(self, places: Array, wanted: NDArray[np.bool_] | None = None) -> None:
         """Add places, wherever they are; ``wanted`` (n, pairs) is what they are to show, all if None."""
         contrast, step = self.shown(places, wanted)
-        reserve = np.ones(contrast.shape)
+        reserve = np.where(contrast > 0, 1.0, -np.inf)
         if self.readers is not None:
             is_read, reserve = self.readers.read(places, contrast > 0)
             contrast = np.where(is_read, contrast, 0.0)
@@ -637,15 +640,12 @@ class Served:
         return ", so that 'measure' finds enough of it and of the part's edges"
 
     def unread_text(self, pair: int) -> str:
-        """Say what else may keep a pair from being read; empty if nothing does."""
-        if self.readers is None:
+        """Say what `measure` lacks of a pair that a lamp shows; empty if no lamp shows it."""
+        if self.readers is None or not (self.reserve[:, pair] >= UNREAD).any():
             return ""
-        why = self.why_unread(pair)
-        return (
-            f"; {why}"
-            if why
-            else ", or 'measure' would find too little of it or of the part's edges"
-        )
+        if (self.reserve[:, pair] > UNREAD).any():
+            return "'measure' would find too few of the part's edges to register the image"
+        return "'measure' would find too little of it"
 
     def corners_under(self, places: Array, sets: NDArray[np.int_]) -> NDArray[np.bool_]:
         """Return which pairs (n, pairs) meet what `Corners` asks for, under sets (n, size) of lamps."""

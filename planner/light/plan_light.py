@@ -14,15 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_matrix
 
-from aspectgraph.light import DEFAULT_CONTRAST, LightRegions
+from aspectgraph.light import LightRegions
 from aspectgraph.solid.solid import RayScene
-from planner.argument_kinds import check_kinds
 from planner.cover import maximal_columns, min_cover
-from planner.exceptions import RequestError
 from planner.light.area_light import AreaLight, shown_of_plan
-from planner.light.corner_light import DEFAULT_STEP, LampSets, fewest_together, sites_of
+from planner.light.corner_light import LampSets, fewest_together, sites_of
 from planner.light.light_plan import LightPlan, LitImage, with_exposures
-from planner.light.lighting import LampSpace, Lighting, Served, eyes_of
+from planner.light.lighting import UNREAD, LampSpace, Lighting, Served, eyes_of
 from planner.progress import Progress, TimeLeft, report
 from planner.request.reads import Reads
 from planner.verify.simulate_setting import Planned
@@ -171,105 +169,9 @@ class LampSearch:
 _FIRST_PLACES = 3000
 # of lamps that are on together, as all their pairs are tried
 _TOGETHER_PLACES = 300
-# of what a `Lighting` holds
-_DEFAULTS = (DEFAULT_CONTRAST, DEFAULT_STEP, "dark", 0.0)
 # what else keeps an edge from being shown
 _SHADOW = ", or a shadow next to it"
 _MIRRORED = ", or mirrored by the metal next to it"
-
-
-def plan_light(
-    plan: Planned,
-    solid: Solid,
-    lamps: Any,
-    *,
-    contrast: float = DEFAULT_CONTRAST,
-    step: float = DEFAULT_STEP,
-    ground: str = "dark",
-    tolerance_mm: float = 0.0,
-    progress: Progress | None = None,
-) -> LightPlan:
-    """Choose lamps that light all targets of a plan, in every setting.
-
-    One lamp is on at a time, or all are on together.
-
-    The model assumes a matt part of one albedo, point lamps, and no light between faces. It does
-    not hold for polished metal. If the camera sees both faces of an edge, the lamp must light the
-    whole edge with the contrast between the faces. If it sees one face, the edge is a silhouette.
-    The lamp must light that face, and the contrast to the background next to the edge must suffice.
-    Rays at nine points of the edge check this. If the plan requires corners, another line must be
-    visible at each end. If it requires separation, no shadow may end within that distance of the
-    edge or that line.
-
-    Whether `measure` will find enough of each target is not checked here. `plan_inspection` with
-    ``lamps`` checks it, and moves the camera where it has to.
-
-    The light of lamps that are on together (`Lighting.together`) adds up. The program then checks
-    nine points of every edge, for lamps of equal strength; see `planner.light.corner_light`.
-
-    **Guarantee.** Every setting has an image for each target, or ``unlit`` lists the target with
-    the reason. No choice of fewer than ``lower_bound`` lamps lights as many targets, with one lamp
-    for a whole setting where one is enough.
-
-    Parameters
-    ----------
-    plan : InspectionPlan
-        The plan.
-    solid : Solid
-        Its part.
-    lamps : array_like, shape (n, 3), LampBox, LampDome, light with an area, str or Lighting
-        Positions of the lamps of a cell, mm, or the region where lamps may be, or a `Backlight`,
-        `DiffuseDome`, `CoaxialLight` or `RingLight`. "ring" is a lamp on the camera. "backlight",
-        "diffuse-dome", "coaxial" and "ring-light" are as large as the request needs them.
-        "coaxial:NAME" and so on are lights of the catalogue, see `light_names`. A `Lighting` also
-        holds the other options; then omit them here.
-    contrast : float
-        Least contrast, strictly between 0 and 1; see `aspectgraph.contrast`.
-    step : float
-        Least step of the grey values across an edge, in [0, 1), as a share of the grey value of a
-        face that the lamp lights frontally. Two faces with hardly any light have a contrast, but no
-        step.
-    ground : str
-        Background of the part: "dark", or "bright" with a back light. Silhouettes in front of a
-        back light are visible with every lamp.
-    tolerance_mm : float
-        Largest distance of a lamp from its position, mm. Targets must also be lit from there; the
-        program checks 26 points around the lamp.
-    progress : callable, optional
-        ``progress(done, total, label)``.
-
-    Returns
-    -------
-    LightPlan
-        The same for the same arguments.
-
-    Raises
-    ------
-    RequestError
-        If an argument breaks its rule, or the part is not the plan's.
-    LightError
-        If the contrast is out of range, or a fixed lamp is inside the part.
-
-    Examples
-    --------
-    >>> from planner import plan_light, read_plan
-    >>> plan = read_plan("examples/two_pocket_block_plan.json")
-    >>> from aspectgraph import read_solid
-    >>> block = read_solid("examples/two_pocket_block.off")
-    >>> light = plan_light(plan, block, "ring")
-    >>> light.complete, sorted(light.unlit[0])
-    (False, ['e1', 'e4'])
-    """
-    check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"))
-    options = (contrast, step, ground, tolerance_mm)
-    if not isinstance(lamps, Lighting):
-        lighting = Lighting(lamps, *options)
-    elif options == _DEFAULTS:
-        lighting = lamps
-    else:
-        rule = "must hold contrast, step, ground and tolerance_mm where it is a Lighting"
-        raise RequestError.of_rule("lamps", rule, f"{lamps!r} and {options}")
-    return chosen_lamps(lighting, plan, solid, progress)
 
 
 def chosen_lamps(
@@ -282,16 +184,22 @@ def chosen_lamps(
     executor: Executor | None = None,
     deadline: float = math.inf,
 ) -> LightPlan:
-    """Choose lamps as `plan_light` does, under which measuring also finds enough of each target.
+    """Choose lamps that light all targets of a plan, in every setting, and under which measuring finds enough of each.
 
     Parameters
     ----------
-    lighting, plan, solid, progress
-        As of `plan_light`.
+    lighting : Lighting
+        The lamps to choose among.
+    plan : InspectionPlan
+        The plan.
+    solid : Solid
+        Its part.
+    progress : callable, optional
+        ``progress(done, total, label)``.
     also : array_like (n, 3)
         Places to try besides, mm, where lamps are placed.
     reads : Reads, optional
-        What measuring will find.
+        What measuring will find. Default: it is not checked, so contrast alone decides.
     executor : concurrent.futures.Executor, optional
         Computes light regions in parallel. The result does not depend on it.
     deadline : float
@@ -434,7 +342,7 @@ def _ring(work: _Work, eyes: NDArray[np.float64]) -> LightPlan:
     ]
     lit = [[i for i in pairs if served.contrast[k, i] > 0] for k, pairs in enumerate(by_setting)]
     dark = {
-        i: f"the ring light, at the camera or nearby, {_too_little(served, i)}."
+        i: _why_not_by_ring(served, i)
         for pairs, shown in zip(by_setting, lit, strict=True)
         for i in pairs
         if i not in shown
@@ -444,12 +352,17 @@ def _ring(work: _Work, eyes: NDArray[np.float64]) -> LightPlan:
     return work.result("ring", range(len(eyes)), images, len(eyes), proof, dark)
 
 
-def _too_little(served: Served, i: int) -> str:
+def _why_not_by_ring(served: Served, i: int) -> str:
+    """Say why the lamp on the camera does not show a pair, or why it is not read."""
+    if why := served.why_unread(i):
+        return f"{why}."
+    if text := served.unread_text(i):
+        return f"the ring light shows it, but {text}."
     text = "gives it too little contrast or light"
     text += " against its background" if served.pairs[i].backdrops else ""
     text += ", or shows no other line at an end" if served.needs_corners(i) else ""
     text += ", or casts a shadow next to it" if served.clear_beside(i) else ""
-    return text + served.unread_text(i)
+    return f"the ring light, at the camera or nearby, {text}."
 
 
 def _fixed(work: _Work) -> LightPlan:
@@ -608,8 +521,16 @@ def _covered(served: Served, jobs: Sequence[tuple[int, ...]]) -> tuple[list[int]
 
 def _why_dark(served: Served, i: int) -> str:
     """Say why no given lamp shows a pair: how many light it too evenly, too weakly, or not all of it."""
+    if why := served.why_unread(i):
+        return f"{why}."
     pair = served.pairs[i]
     n = len(served.places)
+    is_lit = served.reserve[:, i] >= UNREAD
+    unread = served.unread_text(i)
+    has_formula = served.light is not None and bool(pair.regions)
+    if unread and (is_lit.all() or not has_formula):
+        lamps = "the lamp shows" if n == 1 else f"{is_lit.sum()} of {n} lamps show"
+        return f"{lamps} it, but {unread}."
     if served.light is None or not pair.regions:
         return "its background is equally bright."
     entities = [served.light.entities[name] for name in pair.regions]
@@ -627,7 +548,8 @@ def _why_dark(served: Served, i: int) -> str:
     counts = (
         (even.sum(), f"with a contrast under {served.least_contrast:g}"),
         (weak.sum(), f"with a step under {served.least_step:g}"),
-        (n - (even | weak).sum(), f"not lighting all of it{behind}{served.unread_text(i)}"),
+        (n - (even | weak | is_lit).sum(), f"not lighting all of it{behind}"),
+        (is_lit.sum(), f"under which {unread}"),
     )
     return f"{start}: {', '.join(f'{k} {why}' for k, why in counts if k)}."
 

@@ -145,6 +145,13 @@ class Truth:
     part: str = ""
     part_digest: str = ""
 
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        images = count(len(self.values), "image")
+        part = f" of {self.part!r}" if self.part else ""
+        drawn = f"surfaces {self.surfaces_mm:g} mm, seed {self.seed}"
+        return f"<Truth{part}: {images}, {drawn}>"
+
 
 class Rendered(NamedTuple):
     """One image.
@@ -162,6 +169,11 @@ class Rendered(NamedTuple):
     shot: Shot
     grey: NDArray[np.uint8 | np.uint16]
     pose: Array
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        height, width = self.grey.shape
+        return f"<Rendered {self.shot.name!r}: {width} × {height} px, {self.grey.dtype}>"
 
 
 class _Meeting(NamedTuple):

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
 from ground.short_repr import LONGEST, count
 from planner.robotcell.arm import Robot
 from planner.robotcell.branches import SIX
@@ -409,7 +410,7 @@ def most_often(reasons: Sequence[str]) -> str:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Reachability:
+class Reachability(ShownInNotebook):
     """What a cell reaches of a plan.
 
     Attributes
@@ -443,6 +444,14 @@ class Reachability:
         if len(line) <= LONGEST:
             return line
         return f"<Reachability: {text} ({count(len(self.poses), 'fixturing')})>"
+
+    def _notebook_view(self) -> NotebookView:
+        n_reached = int(self.reached.any(axis=1).sum())
+        text = f"{n_reached} of {count(len(self.settings), 'setting')} reached."
+        verdict = Toned(text, "good" if self.complete else "bad")
+        line = "Joints are in degrees. Otherwise a cell says what is in the way."
+        table = NotebookTable(("setting", *self.poses), self.rows())
+        return NotebookView("What the robot reaches", (verdict, line), table)
 
     @property
     def reached(self) -> np.ndarray:

@@ -4,10 +4,10 @@ import json
 import math
 
 import pytest
-from measured_plate import TOP, UP, dimension, measured_plan, thick_plate, upper_rims
+from contrast_lamps import contrast_lamps
+from measured_plate import crowded_bore, crowded_plate, measured_plan
 
 from aspectgraph import read_solid
-from errors.measurands import Circle
 from planner import (
     Dimension,
     Effort,
@@ -190,20 +190,17 @@ def test_a_bare_edge_is_rated_as_predict_rates_it():
 
 def test_lights_show_only_what_is_read_as_in_a_plan():
     """The rim of a hole that nearly touches three others is bright enough, but four lines lie too near each other."""
-    around = {"right": (41.2, 25.0), "further left": (14.8, 25.0), "behind": (28.0, 38.2)}
-    solid = thick_plate(
-        {"left": ((28.0, 25.0), 8.0), **{name: (middle, 5.0) for name, middle in around.items()}}
-    )
-    circle = Circle([28.0, 25.0, TOP], UP, 8.0)
-    bore = dimension("diameter", upper_rims(solid)[:1], (circle,), (-0.1, 0.1))
-    plan = measured_plan(solid, ("bore",), settings=1, dimensions={"bore": bore})
+    solid = crowded_plate()
+    plan = measured_plan(solid, ("bore",), settings=1, dimensions={"bore": crowded_bore(solid)})
     dome = LampDome((40.0, 25.0, 20.0), 300.0)
-    assert plan_light(plan, solid, dome).complete
+    assert contrast_lamps(plan, solid, dome).complete
+    light = plan_light(plan, solid, dome)
     planned = with_light(plan, solid, Lighting(dome))
     assert planned.uninspectable["bore"].kind is ReasonKind.NOT_SHOWN
     compared = {item.kind: item for item in compare_lights(plan, solid)}
     assert list(compared["lamps"].dark) == ["bore"]
     assert "5 px apart from other lines" in compared["lamps"].dark["bore"]
+    assert light.unlit == (compared["lamps"].dark,)
 
 
 @pytest.mark.parametrize(("given", "got"), [(3, "3"), ("x", "'x'"), ([3], "a list with 3")])

@@ -19,7 +19,11 @@ from planner import (
     look_at,
     plan_inspection,
     predict,
+    predict_poses,
+    read_plan,
+    read_poses,
 )
+from planner.camera.pose import checked_poses
 from planner.resolve_request import resolve_targets
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
@@ -168,3 +172,19 @@ def test_from_outside_the_workspace_nothing_is_said_to_be_hidden(mm):
     why = said.reason(0.9)
     assert "hidden" not in why
     assert f"outside the workspace by {mm:.0f} mm" in why
+
+
+def test_poses_of_a_file_are_taken_as_they_are_read():
+    """With or without taking them out; and a pose with a name is a pose."""
+    block = read_solid("examples/two_pocket_block.off")
+    made = read_plan("examples/two_pocket_block_plan.json")
+    read = read_poses("examples/two_pocket_block_plan.json")
+    assert checked_poses(read) == read.poses
+    how = {"camera": made.camera, "pose_uncertainty": made.pose_uncertainty, "accuracy": 0.95}
+    wanted = {"e1": made.entities["e1"]}
+    predicted = predict_poses(block, wanted, read, **how)
+    assert predicted.poses == read.poses
+    assert predicted.predictions[0] == predict(block, wanted, read.poses[0], **how)
+    planned = plan_inspection(block, wanted, poses=read, **how)
+    assert len(planned.settings) == 1
+    assert planned.request.poses == read.poses

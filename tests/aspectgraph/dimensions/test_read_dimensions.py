@@ -13,7 +13,14 @@ from real_parts import EXAMPLES, real_part
 from step_kernels import one_kernel
 from step_parts import CASES, HOLE, RADIUS_MM, mirrored, placement, step_assembly
 
-from aspectgraph import PartFileNotFoundError, ReadError, SolidChoice, read_dimensions, read_solid
+from aspectgraph import (
+    PartFileNotFoundError,
+    ReadError,
+    Solid,
+    SolidChoice,
+    read_dimensions,
+    read_solid,
+)
 from aspectgraph.read.step.semantic_dimensions import list_attached_items
 from aspectgraph.read.step.text import parse_entities
 
@@ -318,14 +325,22 @@ def test_what_is_asked_for_must_make_sense(ctc_01, tmp_path):
         read_dimensions(tmp_path / "text.stp", ctc_01)
 
 
-def test_entities_of_another_solid_are_not_offered():
-    solid = read_solid(EXAMPLES / "mfcad_6-11-11-19.step")
-    dimensions = read_dimensions(CTC_01, solid)
-    assert len(dimensions) == 12
-    assert all(one.entities is None for one in dimensions)
-    assert {one.reason for one in dimensions if one.kind == "diameter"} == {
-        "no sharp circular edge bounds what it is attached to"
-    }
+@pytest.mark.parametrize("name", ["mfcad_6-11-11-19.step", "nist_ctc_03_ap242.stp.gz"])
+def test_a_solid_of_another_file_is_refused(name):
+    """No vertex of it is where the file's dimensions have an edge."""
+    solid = read_solid(EXAMPLES / name)
+    rule = f"solid must be the part of {CTC_01.name}. Got {solid.name!r}, which has no edge"
+    with pytest.raises(ReadError, match=re.escape(rule)):
+        read_dimensions(CTC_01, solid)
+
+
+def test_a_part_without_the_file_of_its_solid_is_known_by_its_edges(ctc_01):
+    """A mesh has the vertices of the model, in the same frame; moved, it has none of them."""
+    mesh = Solid(ctc_01.vertices, ctc_01.faces, name="mesh")
+    assert len(read_dimensions(CTC_01, mesh)) == 12
+    moved = Solid(np.add(ctc_01.vertices, [0.0, 0.0, 7.3]), ctc_01.faces, name="moved")
+    with pytest.raises(ReadError, match=r"Got 'moved', which has no edge .* read_solid\.$"):
+        read_dimensions(CTC_01, moved)
 
 
 def test_a_record_says_itself_in_json_and_in_one_line():

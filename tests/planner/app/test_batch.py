@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from aspectgraph import read_dimensions, read_solid
+from aspectgraph import read_dimensions, read_solid, select_entities
 from errors.measurands import Localisation
 from planner import (
     Camera,
@@ -145,6 +145,8 @@ def test_every_part_has_a_result_and_is_found_again(parts, request_, tmp_path, m
             found.lower_bound,
         )
         assert one.file_sha256 == file_digest(parts / one.part)
+        assert (one.inspected, one.targets) == (len(found.inspected), len(found.targets)) == (2, 2)
+    assert repr(results).endswith("2 planned, 1 refused; 4 of 4 targets inspected>")
     rows = json.loads((out / "results.json").read_text())
     assert [row["part"] for row in rows] == [one.part for one in results]
     with open(out / "results.csv", newline="") as table:
@@ -153,6 +155,42 @@ def test_every_part_has_a_result_and_is_found_again(parts, request_, tmp_path, m
 
     monkeypatch.setattr(batch, "plan_part", lambda *_: pytest.fail("planned again"))
     assert plan_folder(parts, out, request_, executor=ThreadPoolExecutor(1)) == results
+
+
+def test_plans_do_not_go_where_the_parts_are(parts, request_):
+    """The folder of a part's plan would have the name of the part's file."""
+    before = sorted(parts.rglob("*"))
+    for out in (parts, parts / "more" / ".."):
+        with pytest.raises(RequestError, match="out must be another folder than that of the parts"):
+            plan_folder(parts, out, request_)
+    assert sorted(parts.rglob("*")) == before
+
+
+def test_solids_are_chosen_in_every_part(request_, tmp_path):
+    """Two plates next to each other: each has two long edges on top."""
+    parts = tmp_path / "parts"
+    parts.mkdir()
+    (parts / "two.step").write_bytes((CASES / "dim_two_instances.step").read_bytes())
+    chosen = replace(request_, solids=1)
+    assert chosen.solids == [1]
+    assert len(select_entities(read_solid(parts / "two.step"), chosen.select)) == 4
+    (result,) = plan_folder(parts, tmp_path / "out", chosen, executor=ThreadPoolExecutor(1))
+    assert result.targets == 2
+    assert read_plan(tmp_path / "out" / "two.step" / "plan.json").source["solids"] == [1]
+
+
+@pytest.mark.parametrize("solids", [[], 1.5, True, [None], {"a": 1}])
+def test_solids_that_are_none_are_refused(request_, solids):
+    rule = "solids must be a number or name of a solid, or a list of these. Got "
+    with pytest.raises(RequestError, match=rule):
+        replace(request_, solids=solids)
+
+
+def test_a_limit_that_is_none_is_told_the_nearest(request_):
+    with pytest.raises(RequestError, match=r"Got 'stand_of_mm'; the nearest is stand_off_mm\.$"):
+        replace(request_, limits={"stand_of_mm": 60.0})
+    with pytest.raises(RequestError, match=r"Got 'x'\.$"):
+        replace(request_, limits={"x": 60.0})
 
 
 def test_what_changed_is_planned_again(parts, request_, tmp_path, monkeypatch):
@@ -423,6 +461,7 @@ def test_requests_that_differ_have_different_fingerprints(request_):
         "simulate": 200,
         "graph_limit": 3,
         "effort": Effort(viewpoints=6),
+        "solids": [1],
     }
     others = [replace(request_, limits={name: value}) for name, value in given.items()]
     others += [replace(request_, **{name: value}) for name, value in fields_.items()]
@@ -587,6 +626,7 @@ def test_stated_dimensions_are_planned_as_those_of_one_part(tmp_path, monkeypatc
             uninspectable={},
             simulation=None,
             entities=names,
+            targets=names,
             settings=(),
             lower_bound=0,
             unlit=(),

@@ -40,7 +40,7 @@ from planner.app.quantities import (
 )
 from planner.exceptions import PlannerError, RequestError, RobotError
 from planner.light.corner_light import DEFAULT_STEP
-from planner.optics import LightShows
+from planner.lights import LightShows
 from planner.request.camera_limits import MOST_SEED
 
 BLOCK = str(Path(__file__).parents[3] / "examples" / "two_pocket_block.off")

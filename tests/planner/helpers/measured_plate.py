@@ -41,6 +41,20 @@ def upper_rims(solid):
     return tuple(rim.id for rim in sorted(rims, key=lambda rim: rim.centre[0]))
 
 
+def crowded_plate():
+    """A plate whose left hole nearly touches three others: of its rim, much is next to another line."""
+    around = {"right": (41.2, 25.0), "further left": (14.8, 25.0), "behind": (28.0, 38.2)}
+    return thick_plate(
+        {"left": ((28.0, 25.0), 8.0), **{name: (middle, 5.0) for name, middle in around.items()}}
+    )
+
+
+def crowded_bore(solid):
+    """The diameter of its left hole."""
+    circle = Circle([28.0, 25.0, TOP], UP, 8.0)
+    return dimension("diameter", upper_rims(solid)[:1], (circle,), (-0.1, 0.1))
+
+
 def fine_plate(left=0.0, right=0.0, height=0.0, width=0.0):
     """Vertices and triangles of a plate whose holes have other radii, whose top is higher and which is wider, mm."""
     holes = {

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from contrast_lamps import contrast_lamps
 from lit_parts import RIM, block, step
 from plan_examples import plan, setting
 
 from aspectgraph.solid.solid import RayScene
 from planner.light.corner_light import Corners, SeenLine, Sites, beside_lines, corners_of
-from planner.light.plan_light import plan_light
 
 LIMITS = (0.1, 0.05)
 
@@ -78,8 +78,8 @@ def test_an_end_whose_only_line_is_dark():
 def test_lamps_are_planned_with_it():
     """From behind the front face nothing of the corners is lit, and the reason says what it lacks."""
     one = asked(min_corner_deg=25.0)
-    assert plan_light(one, block(), [(40.0, -100.0, 360.0)]).complete
-    dark = plan_light(one, block(), [(40.0, 100.0, -10.0)])
+    assert contrast_lamps(one, block(), [(40.0, -100.0, 360.0)]).complete
+    dark = contrast_lamps(one, block(), [(40.0, 100.0, -10.0)])
     assert dark.unlit[0]["top front"] == "the lamp does not show it: 1 with a contrast under 0.1."
 
 

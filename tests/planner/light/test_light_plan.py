@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from contrast_lamps import contrast_lamps
 from lit_parts import RIM, block, step
 from plan_examples import plan, setting
 from scipy.spatial.transform import Rotation
@@ -22,7 +23,6 @@ from planner.light.light_plan import (
     spread_px,
     white_share,
 )
-from planner.light.plan_light import plan_light
 from planner.report.setting_report import exposure_texts
 
 CAMERA = Camera(25.0, (0.0138, 0.0138), (640, 512), 8.0, 300.0)
@@ -77,7 +77,7 @@ def test_lamps_of_a_plan_come_with_what_to_expose_for():
         setting((40.0, 25.0, 360.0), list(ends), (40.0, 25.0, 60.0)), cam2world=ABOVE
     )
     above = plan(settings=(one,), entities=ends, uninspectable={}, camera=CAMERA)
-    light = plan_light(above, block(), [[90.0, 25.0, 160.0]])
+    light = contrast_lamps(above, block(), [[90.0, 25.0, 160.0]])
     (image,) = light.images[0]
     found = image.expose_for
     assert (found.target, found.dimmest) == ("right", "left")
@@ -93,7 +93,7 @@ def test_lamps_of_a_plan_come_with_what_to_expose_for():
     assert 0.85 < found.share / (WHITE_SHARE * place / near) < 1.02
     assert found.radius_px == 10
     assert LightPlan.from_dict(json.loads(json.dumps(light.to_dict()))) == light
-    assert plan_light(above, block(), [[90.0, 25.0, 160.0]]) == light
+    assert contrast_lamps(above, block(), [[90.0, 25.0, 160.0]]) == light
 
 
 def displaced(pose, move):

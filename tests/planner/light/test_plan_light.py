@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from contrast_lamps import contrast_lamps
 from holed_plate import FRONT, HEIGHT, HOLES, holed_plate
 from lit_parts import RIM, block, step
 from plan_examples import CAMERA, plan, setting
@@ -69,7 +70,7 @@ def test_opposite_faces_need_two_lamps():
 
 
 def test_what_no_place_shows_is_told():
-    found = plan_light(side_plan(), block(), LampBox((90, -50, 0), (300, 90, 300)))
+    found = contrast_lamps(side_plan(), block(), LampBox((90, -50, 0), (300, 90, 300)))
     assert not found.complete
     assert found.unlit[0] == {
         "left": "no position in the box of lamps lights its visible face with enough contrast and step."
@@ -93,10 +94,10 @@ def test_fixed_lamps_by_the_formula():
     even = (40.0, -300.0, 360.0)
     good = (40.0, -100.0, 360.0)
     behind = (40.0, 100.0, -10.0)
-    assert plan_light(one, block(), [even, behind]).unlit[0] == {
+    assert contrast_lamps(one, block(), [even, behind]).unlit[0] == {
         "top front": "none of 2 lamps shows it: 2 with a contrast under 0.1."
     }
-    found = plan_light(one, block(), [even, behind, good])
+    found = contrast_lamps(one, block(), [even, behind, good])
     assert found.lamps.tolist() == [list(good)]
     assert found.images[0][0].contrast == {"top front": pytest.approx((300 - 100) / (300 + 100))}
     assert found.images[0][0].silhouettes == ()
@@ -110,11 +111,11 @@ def test_what_hardly_any_light_falls_on_does_not_show():
         uninspectable={"top right": "", "bottom": ""},
     )
     grazing = [(5000.0, -40.0, 70.0)]
-    assert plan_light(one, block(), grazing).unlit[0] == {
+    assert contrast_lamps(one, block(), grazing).unlit[0] == {
         "top front": "the lamp does not show it: 1 with a step under 0.1."
     }
-    assert plan_light(one, block(), grazing, step=0.007).unlit[0]
-    found = plan_light(one, block(), grazing, step=0.005)
+    assert contrast_lamps(one, block(), grazing, step=0.007).unlit[0]
+    found = contrast_lamps(one, block(), grazing, step=0.005)
     assert found.images[0][0].contrast["top front"] == pytest.approx(0.6)
 
 
@@ -160,15 +161,15 @@ def test_a_silhouette_needs_contrast_with_what_is_behind():
     """Lit from high above, both floors of a step are as bright: 1 / (h²) differs by 2 % for 10 mm in 1000."""
     above = (20.0, 20.0, 1000.0)
     beside = (-40.0, 20.0, 20.0)
-    found = plan_light(ABOVE, step(), [above])
+    found = contrast_lamps(ABOVE, step(), [above])
     assert found.unlit[0]["rim"].endswith(
         "1 not lighting all of it, or no contrast with its background."
     )
     # a lamp so low on the left leaves what is beside the rim in the shadow of the step
-    found = plan_light(ABOVE, step(), [above, beside])
+    found = contrast_lamps(ABOVE, step(), [above, beside])
     assert found.lamps.tolist() == [list(beside)]
     assert found.images[0][0].contrast["rim"] == 1.0
-    assert plan_light(ABOVE, step(), LampBox((-100, -100, 20), (0, 100, 60))).complete
+    assert contrast_lamps(ABOVE, step(), LampBox((-100, -100, 20), (0, 100, 60))).complete
 
 
 def test_edges_near_the_plane_of_a_face_are_both():
@@ -624,7 +625,7 @@ def test_the_space_agrees_with_lamps_planned_for_single_poses(part):
         entities=edges,
         uninspectable=dict.fromkeys(set(edges) - set().union(*names), ""),
     )
-    light = plan_light(asked, solid, "ring")
+    light = contrast_lamps(asked, solid, "ring")
     told = {
         (k, name)
         for k, images in enumerate(light.images)

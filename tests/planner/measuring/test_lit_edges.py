@@ -7,12 +7,24 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from contrast_lamps import contrast_lamps
 from holed_plate import holed_plate
-from measured_plate import CAMERA, LAMP, POSES, TOP, fine_plate, measured_plan, thick_plate
+from measured_plate import (
+    CAMERA,
+    LAMP,
+    POSES,
+    TOP,
+    crowded_bore,
+    crowded_plate,
+    dimensions_of,
+    fine_plate,
+    measured_plan,
+    thick_plate,
+)
 from part_images import Optics, PartImages
 from rendered_images import Lamp
 
-from planner import Backlight, LampDome, measure
+from planner import Backlight, LampDome, Rehearsal, measure, plan_light
 from planner.light.light_plan import beside, irradiance
 from planner.light.lighting import Lighting
 from planner.light.plan_light import chosen_lamps
@@ -112,6 +124,66 @@ def test_lamps_of_a_plan_show_what_is_read(solid, plan):
             assert target.shown(lamps).all()
             whites = target.white(lamps)[:, None]
             assert (reads.reserve(POSES[0], CAMERA, lamps, 0.0, whites) >= 0).all()
+
+
+@pytest.fixture(scope="module")
+def crowded():
+    """A plate, and a plan of a bore next to three others and of the distance of two long edges."""
+    solid = crowded_plate()
+    wanted = {"bore": crowded_bore(solid), "width": dimensions_of(thick_plate())["width"]}
+    return solid, measured_plan(solid, tuple(wanted), settings=1, dimensions=wanted)
+
+
+@pytest.mark.parametrize("lamps", [[[40.0, 25.0, 400.0]], "ring"])
+def test_lamps_are_complete_only_if_rendered_images_give_every_value(crowded, lamps, tmp_path):
+    """Contrast shows both targets. A third of the rim of the bore lies next to those of others, so it is not read."""
+    solid, plan = crowded
+    assert contrast_lamps(plan, solid, lamps).complete
+    light = plan_light(plan, solid, lamps)
+    lit = replace(plan, light=light)
+    Rehearsal(lit, solid).write(tmp_path / "images")
+    results = measure(lit, solid, tmp_path / "images")
+    assert {result.name for result in results if result.measured} == {"width"}
+    assert not light.complete
+    assert set(light.images[0][0].contrast) == {"width"}
+    share = re.fullmatch(
+        r"only (\d+) % of r0 is visible and 5 px apart from other lines, and 80 % must be\.",
+        light.unlit[0]["bore"],
+    )
+    (bore,) = (result for result in results if result.name == "bore")
+    found = re.search(r"only (\d+) % of rim r0 was found", bore.reason)
+    assert int(share[1]) == pytest.approx(int(found[1]), abs=3)
+
+
+def test_a_ring_with_an_area_is_complete_only_if_every_target_is_read(crowded):
+    """It shows the same lines as the lamp on the camera, so the same rim is next to others."""
+    solid, plan = crowded
+    assert contrast_lamps(plan, solid, "ring-light").complete
+    light = plan_light(plan, solid, "ring-light")
+    assert set(light.images[0][0].contrast) == {"width"}
+    assert "% of r0 shows 5 px apart from other lines" in light.unlit[0]["bore"]
+
+
+def test_what_measuring_lacks_under_a_lamp_is_said(solid, plan):
+    """The first lamp leaves a part of the left rim in shadow, the third one shows neither side of it."""
+    assert contrast_lamps(plan, solid, LAMPS[:1]).complete
+    why = "'measure' would find too little of it."
+    alone = plan_light(plan, solid, LAMPS[:1])
+    assert alone.unlit[0] == dict.fromkeys(["left", "apart"], f"the lamp shows it, but {why}")
+    both = plan_light(plan, solid, LAMPS[[0, 2]])
+    counts = f"1 with a contrast under 0.1, 1 under which {why}"
+    assert both.unlit[0]["left"] == f"none of 2 lamps shows it: {counts}"
+
+
+@pytest.mark.parametrize(("lamps", "start"), [(LAMPS[1:2], "the lamp"), ("ring", "the ring light")])
+def test_an_image_that_is_not_registered_is_said_to_be_so(solid, plan, monkeypatch, lamps, start):
+    """With the reserve of 0.08, more than all edges would have to show."""
+    assert plan_light(plan, solid, lamps).complete
+    monkeypatch.setattr("planner.measuring.lit_edges.LEAST_REGISTERED", 0.95)
+    edges = "'measure' would find too few of the part's edges to register the image"
+    assert plan_light(plan, solid, lamps).unlit[0] == dict.fromkeys(
+        plan.targets, f"{start} shows it, but {edges}."
+    )
 
 
 def test_a_light_with_an_area_is_asked_for_what_is_read(solid, plan, reads):
