@@ -15,7 +15,7 @@ from errors.checks import probability_text
 from ground.convert import Meta
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
 from ground.short_repr import short_repr
-from planner.argument_kinds import MAPPING, check_fraction, check_kinds, check_list
+from planner.argument_kinds import MAPPING, check_accuracy, check_fraction, check_kinds, check_list
 from planner.camera.camera import Camera, camera_parts, check_bodies
 from planner.camera.pose import (
     GivenPose,
@@ -249,7 +249,7 @@ def predict(
     """
     check_kinds(solid=(solid, "Solid"), wanted=(wanted, MAPPING))
     check_kinds(camera=(camera, "Camera"), pose_uncertainty=(pose_uncertainty, "PoseUncertainty"))
-    check_fraction("accuracy", accuracy)
+    check_accuracy(accuracy)
     if not wanted:
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")
     pose = np.asarray(cam2world, dtype=np.float64)
@@ -419,7 +419,7 @@ def predict_poses(
         camera=(camera, "Camera"),
         pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
     )
-    check_fraction("accuracy", accuracy)
+    check_accuracy(accuracy)
     if not wanted:
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")
     poses = checked_poses(poses)
@@ -790,7 +790,7 @@ def propose_optics(
         wanted=(wanted, MAPPING),
         pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
     )
-    check_fraction("accuracy", accuracy)
+    check_accuracy(accuracy)
     check_fraction("probability", probability)
     if not wanted:
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from planner.app.options import Command, rules_of
 from planner.app.process import write_error
 from planner.app.quantities import Count, localisation_words
+from planner.argument_kinds import check_accuracy
 from planner.exceptions import CameraError, OutputError, RequestError
 from planner.files import GRAPHML, PICKER, PICTURE, Kind, check_file_place
 
@@ -219,9 +220,19 @@ def check_numbers(options: Command) -> None:
         if isinstance(rule, Count):
             _check_count(name, value, rule)
         elif not rule.accepts(value):
-            hint = f"write {value:g}%" if name in _PROMISES and 2 <= value < 100 else ""
             got = repr(value) if name in _IN_FULL else f"{value:g}"
-            raise RequestError.of_rule(name, rule.text, got, hint=hint)
+            raise RequestError.of_rule(name, rule.text, got, hint=_percent_hint(name, value))
+        elif name == "accuracy":
+            check_accuracy(value)
+
+
+def _percent_hint(name: str, value: float) -> str:
+    """Return how to write a promise that was typed in percent without its sign; empty of other numbers."""
+    if name not in _PROMISES or not 2 <= value < 100:
+        return ""
+    if name == "accuracy" and value < 50:
+        return f"write {100 - value:g}% for an error of {value:g}%"
+    return f"write {value:g}%"
 
 
 def _check_count(name: str, value: int, rule: Count) -> None:

@@ -16,8 +16,8 @@ from planner.argument_kinds import (
     NOT_NEGATIVE,
     POSITIVE,
     NumberRule,
+    check_accuracy,
     check_count,
-    check_fraction,
     check_number,
     kind_shown,
     names_meant,
@@ -379,7 +379,7 @@ class Dimension:
         if self.max_error is not None:
             check_number("max_error", self.max_error, _POSITIVE)
         if self.accuracy is not None:
-            check_fraction("accuracy", self.accuracy)
+            check_accuracy(self.accuracy)
         check_number("share", self.share, ABOVE_0_TO_1)
         if self.direction is not None:
             object.__setattr__(self, "direction", _checked_direction(self.direction))
