@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -67,7 +67,7 @@ from planner.search.realise_column import (
     with_p_all,
     without_corners,
 )
-from planner.sensor_setting import Reason, ReasonKind, SensorSetting
+from planner.sensor_setting import Outcome, Reason, ReasonKind, SensorSetting
 from planner.verify.joint_counts import JOINT_POSES, MOST_REQUIRED
 
 if TYPE_CHECKING:
@@ -492,11 +492,20 @@ def realise_missing_alone(run: SearchRun, incumbents: Incumbents) -> dict[str, R
         batch = missing[first : first + _AT_A_TIME]
         for name, outcome in zip(batch, run.realise([(name,) for name in batch]), strict=True):
             if name not in run.accept(outcome):
-                remedy = run.problem.find_target(name).remedy
+                remedy = _remedy(run.problem, outcome, name)
                 reasons[name] = outcome.reason_at(run.problem.probability, remedy)
         if len(reasons) - n_unlit < first + len(batch):
             incumbents.offer(run)
     return reasons
+
+
+def _remedy(problem: Problem, outcome: Outcome, name: str) -> Callable[[float, float], str]:
+    """Return what says how a target would be inspected from the pose that an outcome reaches."""
+    target = problem.measured[name]
+    if outcome.setting is None or name not in outcome.setting.entities:
+        return target.remedy
+    budget = problem.described_at(outcome.setting.cam2world, name).budget
+    return partial(target.remedy, budget=budget)
 
 
 def generate_first_columns(run: SearchRun, incumbents: Incumbents) -> None:

@@ -388,10 +388,31 @@ def test_what_is_not_sure_enough_says_which_share_would_do_and_that_share_does(s
     assert plan.inspected["depth"] >= 0.85
 
 
+def test_a_dimension_that_broken_edges_limit_says_so(solid):
+    """Its share of the variance is the largest, however sure the pose is and however large the image."""
+    depth = Dimension.distance(FRONT, BACK, tolerance_mm=(-0.05, 0.05))
+    options = {
+        "localisation": FINE,
+        "effort": QUICK,
+        "probability": 0.8,
+        "edge_break_mm": (0.3, 0.3),
+    }
+    plan = plan_inspection(solid, {"depth": depth}, CAMERA, UNCERTAINTY, **options)
+    reason = plan.uninspectable["depth"]
+    assert reason.endswith(
+        "is by the edges, broken by 0.3 mm. State smaller breaks if the part has them."
+    )
+
+
 def test_a_tolerance_too_narrow_for_any_share_says_so(solid):
     depth = Dimension.distance(FRONT, BACK, tolerance_mm=(-0.01, 0.01), share=0.5)
     _, (target,) = resolve_wanted(solid, {"depth": depth}, 0.8)
-    assert target.remedy(0.2, 0.9).startswith("No share of the tolerance would do there")
+    assert target.remedy(0.2, 0.9) == "No share of the tolerance would do there."
+    budget = {"translation": 1.0, "rotation": 2.0, "localisation": 2.0, "surfaces": 1.0}
+    assert target.remedy(0.2, 0.9, budget) == (
+        "No share of the tolerance would do there. The largest part of the variance (50 %) is by the uncertain pose "
+        "of the camera. A surer pose is needed, or registered images."
+    )
     # 1 - 0.95 on both sides is 1.96 of the standard deviations of which 0.8 is 1.28
     assert "a share of 0.77," in target.remedy(0.8, 0.9)
     depth = Dimension.distance(FRONT, BACK, max_error_mm=0.01)
