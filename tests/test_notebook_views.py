@@ -138,7 +138,9 @@ def test_each_class_has_its_views(name):
 def test_a_plan_says_what_breaks_of_its_edges_do():
     """It stands where nothing is stated of them. `measure` then assumes some."""
     made = read_plan("examples/two_pocket_block_plan.json")
-    line = "planned as sharp; &#39;measure&#39; assumes breaks of up to 0.05 mm"
+    line = (
+        "planned as sharp, and P holds for that; &#39;measure&#39; assumes breaks of up to 0.05 mm"
+    )
     assert line in made._repr_html_()
     stated = replace(made, request=replace(made.request, edge_break_mm=(0.0, 0.0)))
     assert "planned as sharp" not in stated._repr_html_()
