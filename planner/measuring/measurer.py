@@ -895,7 +895,8 @@ class Measurer:
             if reason is not None:
                 # it is read all the same, from what images show of it
                 refused = f"{NOT_INSPECTED}{reason}"
-                result = replace(result, notes=(*result.notes, refused))
+                notes = (*result.notes, refused)
+                result = replace(result, notes=notes, is_planned=False)
             results[name] = result
         return results
 
@@ -1042,10 +1043,11 @@ class Measurer:
 
     def _not_planned(self, rule: DecisionRule) -> dict[str, Result]:
         """Return results of what the plan does not inspect: the reason is the plan's."""
-        return {
+        results = {
             name: merged(name, self.plan.targets[name], (), rule, f"{NOT_PLANNED}{reason}")
             for name, reason in self.plan.uninspectable.items()
         }
+        return {name: replace(result, is_planned=False) for name, result in results.items()}
 
     def _correlation(
         self, results: Mapping[str, Result], known: PartPosterior
