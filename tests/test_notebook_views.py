@@ -5,6 +5,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from plan_examples import LIGHT, plan
 from aspectgraph import Solid, build_aspect_graph, read_requirements, read_solid
 from errors.checks import probability_text
 from errors.measurands import Decision
-from ground.notebook import TONES
+from ground.notebook import TONES, ShownInNotebook
 from planner import (
     ArmUncertainty,
     Cell,
@@ -35,6 +36,15 @@ from planner import (
 CTC_01 = "examples/nist_ctc_01_ap242.stp"
 BEHIND = look_at([[30.0, -400.0, 20.0]], [30.0, 30.0, 20.0])[0]
 PLOTLY = "application/vnd.plotly.v1+json"
+
+
+def test_the_page_on_notebooks_lists_every_value_with_a_display():
+    """The tables of a plan are a part of it, and have no name of their own."""
+    shown = {kind.__name__ for kind in ShownInNotebook.__subclasses__()} - {"PlanTables"}
+    assert {"Solid", "RobotProgram", "PartResults"} <= shown
+    page = Path("docs/notebooks.md").read_text("utf-8")
+    table = page[page.index("| value |") : page.index("JupyterLab and VS Code")]
+    assert {name for name in shown if f"`{name}`" not in table} == set()
 
 
 @cache

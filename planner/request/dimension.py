@@ -274,8 +274,9 @@ class Dimension:
     Parameters
     ----------
     kind : str
-        "length", "distance", "angle", "diameter", "radius", "centre_distance", "centre_to_edge" or
-        "position", or another kind registered with `errors.measurands`.
+        "length", "distance", "angle", "diameter", "radius", "centre_distance", "centre_to_edge",
+        "position", "width_position", "symmetry" or "coaxiality", or another kind registered with
+        `errors.measurands`.
     entities : tuple
         Entities that must be visible: ids (``17``, ``"r3"``, ``"a0"``), `Edge`, `Rim` or `Entity`
         objects, or two end points in mm.

@@ -5,6 +5,7 @@ import math
 import re
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -23,6 +24,7 @@ from holed_plate import (
 from plan_examples import BRIEF
 
 from aspectgraph import Solid
+from errors.measurands.measurand import kinds
 from planner import (
     Camera,
     Dimension,
@@ -402,6 +404,13 @@ def test_a_dimension_that_broken_edges_limit_says_so(solid):
     assert reason.endswith(
         "is by the edges, broken by 0.3 mm. State smaller breaks if the part has them."
     )
+
+
+def test_every_kind_of_dimension_is_documented():
+    page = Path("docs/dimensions.md").read_text("utf-8")
+    for kind in kinds():
+        assert f'"{kind}"' in str(Dimension.__doc__)
+        assert f"`{kind}`" in page
 
 
 def test_a_tolerance_too_narrow_for_any_share_says_so(solid):
