@@ -891,6 +891,29 @@ class PlannedDimension(Target):
         error = share * half_width(self.kind, self.tolerance)
         return f"An error of up to {amount_text(f'{error:.4g}', self.unit)}, a share of {share:g}, would do there."
 
+    def is_limited_by_part(self, budget: Mapping[str, float], required: float) -> bool:
+        """Return whether edges and faces of the part alone make the probability too low, for any camera.
+
+        Errors are taken to be normal. Of a position, whose error has two directions, it is not known.
+
+        Parameters
+        ----------
+        budget : mapping of str to float
+            Variance by source, as a `Prediction` has it.
+        required : float
+            Probability that is required.
+
+        Returns
+        -------
+        bool
+            True if a perfect image of a perfect pose would not do.
+        """
+        if self.kind in POSITIONS:
+            return False
+        variance = budget.get("edge_state", 0.0) + budget.get("surfaces", 0.0)
+        largest = self.permitted_error / float(ndtri((1.0 + required) / 2.0))
+        return variance > largest**2
+
     def item_of(self, solid: Solid) -> Dimension:
         """Return the dimension as `plan_inspection` takes it, on a part.
 

@@ -30,6 +30,7 @@ from planner.plan import InspectionPlan
 from planner.progress import report
 from planner.request.problem import Problem
 from planner.request.split import ends_apart
+from planner.request.targets import PlannedDimension
 from planner.search.columns import (
     ColumnPool,
     Judge,
@@ -492,20 +493,23 @@ def realise_missing_alone(run: SearchRun, incumbents: Incumbents) -> dict[str, R
         batch = missing[first : first + _AT_A_TIME]
         for name, outcome in zip(batch, run.realise([(name,) for name in batch]), strict=True):
             if name not in run.accept(outcome):
-                remedy = _remedy(run.problem, outcome, name)
-                reasons[name] = outcome.reason_at(run.problem.probability, remedy)
+                reasons[name] = _reason(run.problem, outcome, name)
         if len(reasons) - n_unlit < first + len(batch):
             incumbents.offer(run)
     return reasons
 
 
-def _remedy(problem: Problem, outcome: Outcome, name: str) -> Callable[[float, float], str]:
-    """Return what says how a target would be inspected from the pose that an outcome reaches."""
+def _reason(problem: Problem, outcome: Outcome, name: str) -> Reason:
+    """Return why a target is not inspected, given the outcome of its own run, and what would help."""
     target = problem.measured[name]
     if outcome.setting is None or name not in outcome.setting.entities:
-        return target.remedy
+        return outcome.reason_at(problem.probability, target.remedy)
     budget = problem.described_at(outcome.setting.cam2world, name).budget
-    return partial(target.remedy, budget=budget)
+    is_limited = isinstance(target, PlannedDimension) and target.is_limited_by_part(
+        budget, problem.probability
+    )
+    remedy = partial(target.remedy, budget=budget)
+    return outcome.reason_at(problem.probability, remedy, is_limited_by_part=is_limited)
 
 
 def generate_first_columns(run: SearchRun, incumbents: Incumbents) -> None:

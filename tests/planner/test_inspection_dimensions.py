@@ -32,6 +32,7 @@ from planner import (
     Localisation,
     PlanFileError,
     PoseUncertainty,
+    ReasonKind,
     RequestError,
     look_at,
     plan_inspection,
@@ -39,6 +40,7 @@ from planner import (
     read_plan,
 )
 from planner.bound.pose_space import least_images_mm
+from planner.report.terminal_tables import print_plan
 from planner.request.problem import Problem
 from planner.request.reach import TargetSpace
 from planner.request.resolve import resolve_wanted
@@ -390,7 +392,7 @@ def test_what_is_not_sure_enough_says_which_share_would_do_and_that_share_does(s
     assert plan.inspected["depth"] >= 0.85
 
 
-def test_a_dimension_that_broken_edges_limit_says_so(solid):
+def test_a_dimension_that_broken_edges_limit_says_so(solid, capsys):
     """Its share of the variance is the largest, however sure the pose is and however large the image."""
     depth = Dimension.distance(FRONT, BACK, tolerance_mm=(-0.05, 0.05))
     options = {
@@ -404,6 +406,15 @@ def test_a_dimension_that_broken_edges_limit_says_so(solid):
     assert reason.endswith(
         "is by the edges, broken by 0.3 mm. State smaller breaks if the part has them."
     )
+    # no camera is proposed, because none helps
+    assert reason.kind is ReasonKind.LIMITED_BY_PART
+    print_plan(plan)
+    assert "another camera" not in capsys.readouterr().out
+    # 90 % of a normal error are within 1.645 standard deviations
+    target = plan.targets["depth"]
+    limit = target.permitted_error / 1.6449
+    assert target.is_limited_by_part({"edge_state": 1.01 * limit**2}, 0.9)
+    assert not target.is_limited_by_part({"edge_state": 0.99 * limit**2, "rotation": 1.0}, 0.9)
 
 
 def test_every_kind_of_dimension_is_documented():
