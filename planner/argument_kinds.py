@@ -45,6 +45,7 @@ _HINTS = {
     ITEMS: "read_entities reads a text, and select_entities takes a rule",
 }
 _LONGEST = 40
+_LEAST_ACCURACY = 0.5
 # what the command line calls them, and what others do
 _OTHER_WORDS = {
     "seed": "rng",
@@ -99,6 +100,25 @@ def check_number(name: str, value: Any, rule: NumberRule) -> float:
 def check_fraction(name: str, value: Any) -> float:
     """Return a number in (0, 1) or raise `RequestError`."""
     return check_number(name, value, BETWEEN_0_AND_1)
+
+
+def check_accuracy(value: Any) -> float:
+    """Return an accuracy, or raise `RequestError`; one below 0.5 was rather meant as the permitted error.
+
+    Parameters
+    ----------
+    value : float
+        0.98 permits an error of 2 %.
+    """
+    accuracy = check_fraction("accuracy", value)
+    if accuracy < _LEAST_ACCURACY:
+        raise RequestError.of_rule(
+            "accuracy",
+            f"must be at least {_LEAST_ACCURACY:g}, because 0.98 permits an error of 2%",
+            shown(value),
+            hint=f"write {1 - accuracy:g} for an error of {100 * accuracy:g}%",
+        )
+    return accuracy
 
 
 def check_count(name: str, value: Any, least: int, most: int | None = None) -> None:

@@ -434,7 +434,7 @@ def shown_only(
     ]
     rows = _needed_rows(settings)
     images = tuple(plan.light.images[k] for k in rows)
-    light = replace(plan.light, images=images, unlit=tuple({} for _ in rows))
+    light = replace(plan.light, images=images, unlit=tuple({} for _ in rows)).numbered_by_use()
     shown = [name for name in plan.promises if name not in reasons]
     bounds = [plan.lower_bound - len(dark), int(bool(shown))]
     if bound_of is not None:

@@ -17,6 +17,7 @@ from ground.short_repr import short_repr
 from planner.argument_kinds import (
     MAPPING,
     POSES,
+    check_accuracy,
     check_fraction,
     check_kinds,
     check_list,
@@ -253,7 +254,7 @@ def predict(
         camera=(camera, "Camera"),
         pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
     )
-    check_fraction("accuracy", accuracy)
+    check_accuracy(accuracy)
     if not wanted:
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")
     pose = _one_pose(cam2world)
@@ -435,7 +436,7 @@ def predict_poses(
         camera=(camera, "Camera"),
         pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
     )
-    check_fraction("accuracy", accuracy)
+    check_accuracy(accuracy)
     if not wanted:
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")
     poses = checked_poses(poses)
@@ -806,7 +807,7 @@ def propose_optics(
         wanted=(wanted, MAPPING),
         pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
     )
-    check_fraction("accuracy", accuracy)
+    check_accuracy(accuracy)
     check_fraction("probability", probability)
     if not wanted:
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")

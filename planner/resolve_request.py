@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from errors.measurands.geometry import Localisation
-from planner.argument_kinds import check_fraction, check_kinds
+from planner.argument_kinds import check_accuracy, check_fraction, check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty, checked_poses
 from planner.effort import Effort
@@ -90,7 +90,7 @@ def resolve_request(
     RequestError
         If an argument breaks its rule.
     """
-    check_fraction("accuracy", options.accuracy)
+    check_accuracy(options.accuracy)
     part = solid if options.space is None else options.space.solid
     options = _in_light_of_cell(options, part)
     _check_extent(part)
@@ -197,7 +197,7 @@ def request_of_any_part(
         "ring": None,
         "camera": camera,
         "pose_uncertainty": pose_uncertainty,
-        "accuracy": check_fraction("accuracy", options.accuracy),
+        "accuracy": check_accuracy(options.accuracy),
         "probability": check_fraction("probability", options.probability),
         "seed": check_seed(options.rng),
         "requirements": options.requirements(camera, pose_uncertainty),

@@ -57,6 +57,7 @@ class ReasonKind(Enum):
     LINE_NEARBY = "line nearby"
     NO_FEASIBLE_VIEW = "no feasible view"
     PROBABILITY_TOO_LOW = "probability too low"
+    LIMITED_BY_PART = "limited by part"
     NOT_FOUND_YET = "not found yet"
     NOT_STATED = "not stated"
 
@@ -74,6 +75,7 @@ _WORDS = {
     ReasonKind.TOO_NEAR: "in view only from too close to the part",
     ReasonKind.NO_CORNER: "no corner to measure to",
     ReasonKind.LINE_NEARBY: "too close to another line in the image",
+    ReasonKind.LIMITED_BY_PART: "probability too low for these edges and faces",
     ReasonKind.NOT_FOUND_YET: "no view found yet",
     ReasonKind.NOT_STATED: "other reasons",
 }
@@ -401,7 +403,11 @@ class Outcome:
     reason: Reason = _NONE
 
     def reason_at(
-        self, threshold: float, remedy: Callable[[float, float], str] | None = None
+        self,
+        threshold: float,
+        remedy: Callable[[float, float], str] | None = None,
+        *,
+        is_limited_by_part: bool = False,
     ) -> Reason:
         """Say why an entity is not inspected, given that this is the outcome of its own run.
 
@@ -411,6 +417,8 @@ class Outcome:
             Required probability.
         remedy : callable, optional
             Says of the best probability and the required one what would help, such as `PlannedDimension.remedy`.
+        is_limited_by_part : bool
+            Whether no camera helps against a probability that is too low.
         """
         if self.setting is None:
             return self.reason
@@ -427,4 +435,5 @@ class Outcome:
             f"the best pose found reaches P = {best:.{digits}f}, below the required {threshold:g}."
         )
         advice = remedy(best, threshold) if remedy else ""
-        return Reason.of(ReasonKind.PROBABILITY_TOO_LOW, f"{text} {advice}".strip())
+        low = ReasonKind.LIMITED_BY_PART if is_limited_by_part else ReasonKind.PROBABILITY_TOO_LOW
+        return Reason.of(low, f"{text} {advice}".strip())

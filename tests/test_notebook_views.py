@@ -5,6 +5,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from plan_examples import LIGHT, plan
 from aspectgraph import Solid, build_aspect_graph, read_requirements, read_solid
 from errors.checks import probability_text
 from errors.measurands import Decision
-from ground.notebook import TONES
+from ground.notebook import TONES, ShownInNotebook
 from planner import (
     ArmUncertainty,
     Cell,
@@ -36,6 +37,15 @@ from planner import (
 CTC_01 = "examples/nist_ctc_01_ap242.stp"
 BEHIND = look_at([[30.0, -400.0, 20.0]], [30.0, 30.0, 20.0])[0]
 PLOTLY = "application/vnd.plotly.v1+json"
+
+
+def test_the_page_on_notebooks_lists_every_value_with_a_display():
+    """The tables of a plan are a part of it, and have no name of their own."""
+    shown = {kind.__name__ for kind in ShownInNotebook.__subclasses__()} - {"PlanTables"}
+    assert {"Solid", "RobotProgram", "PartResults"} <= shown
+    page = Path("docs/notebooks.md").read_text("utf-8")
+    table = page[page.index("| value |") : page.index("JupyterLab and VS Code")]
+    assert {name for name in shown if f"`{name}`" not in table} == set()
 
 
 @cache
@@ -167,7 +177,9 @@ def test_each_class_has_its_views(name):
 def test_a_plan_says_what_breaks_of_its_edges_do():
     """It stands where nothing is stated of them. `measure` then assumes some."""
     made = read_plan("examples/two_pocket_block_plan.json")
-    line = "planned as sharp; &#39;measure&#39; assumes breaks of up to 0.05 mm"
+    line = (
+        "planned as sharp, and P holds for that; &#39;measure&#39; assumes breaks of up to 0.05 mm"
+    )
     assert line in made._repr_html_()
     stated = replace(made, request=replace(made.request, edge_break_mm=(0.0, 0.0)))
     assert "planned as sharp" not in stated._repr_html_()

@@ -39,6 +39,7 @@ from planner.app.model_dimensions import DimensionFolder, ModelDimensions, state
 from planner.argument_kinds import (
     MAPPING,
     NOT_NEGATIVE,
+    check_accuracy,
     check_count,
     check_fraction,
     check_kinds,
@@ -182,7 +183,7 @@ class PartRequest:
             effort=(self.effort, "Effort"),
             limits=(self.limits, MAPPING),
         )
-        check_fraction("accuracy", self.accuracy)
+        check_accuracy(self.accuracy)
         check_fraction("probability", self.probability)
         for name, (low, high) in _COUNTS.items():
             check_count(name, getattr(self, name), low, high)

@@ -16,6 +16,13 @@ from typing import TYPE_CHECKING, Any
 from planner.app.options import Command, rules_of
 from planner.app.process import write_error
 from planner.app.quantities import Count, localisation_words
+from planner.argument_kinds import (
+    ABOVE_0_TO_1,
+    BETWEEN_0_AND_1,
+    FROM_0_BELOW_1,
+    NumberRule,
+    check_accuracy,
+)
 from planner.exceptions import CameraError, OutputError, RequestError
 from planner.files import GRAPHML, PICKER, PICTURE, Kind, check_file_place
 
@@ -193,8 +200,8 @@ def _worded(text: str, mentions: Sequence[str], options: Mapping[str, Any]) -> s
 
 
 # a share close to 1 needs all its digits
-_PROMISES = ("accuracy", "probability")
-_IN_FULL = (*_PROMISES, "contrast", "share")
+_IN_FULL = ("accuracy", "probability", "contrast", "share")
+_OF_SHARES = (BETWEEN_0_AND_1.holds, FROM_0_BELOW_1.holds, ABOVE_0_TO_1.holds)
 OF_LIGHT = ("contrast", "grey-step", "ground", "material")
 """Options that say nothing without a light."""
 
@@ -219,9 +226,20 @@ def check_numbers(options: Command) -> None:
         if isinstance(rule, Count):
             _check_count(name, value, rule)
         elif not rule.accepts(value):
-            hint = f"write {value:g}%" if name in _PROMISES and 2 <= value < 100 else ""
             got = repr(value) if name in _IN_FULL else f"{value:g}"
+            hint = _percent_hint(name, value, rule)
             raise RequestError.of_rule(name, rule.text, got, hint=hint)
+        elif name == "accuracy":
+            check_accuracy(value)
+
+
+def _percent_hint(name: str, value: float, rule: NumberRule) -> str:
+    """Return how to write a share that was typed in percent without its sign; empty of other numbers."""
+    if rule.holds not in _OF_SHARES or value < 2 or not rule.accepts(value / 100):
+        return ""
+    if name == "accuracy" and value < 50:
+        return f"write {100 - value:g}% for an error of {value:g}%"
+    return f"write {value:g}%"
 
 
 def _check_count(name: str, value: int, rule: Count) -> None:

@@ -113,6 +113,7 @@ from planner.report.plan_folder import (
     rescue,
     write_graph,
 )
+from planner.report.tables import clearance_sentence
 from planner.report.terminal_tables import (
     graph_record,
     plan_record,
@@ -456,6 +457,7 @@ def print_arm(plan: InspectionPlan) -> None:
     print_table(columns, rows)
     names = list(dict.fromkeys(setting.fixturing for setting in plan.settings if setting.fixturing))
     print_text(f"{plan.cell['robot']} reaches all settings, with the part lying {listed(names)}.")
+    print_text(clearance_sentence(plan))
     links = unchecked_text(plan.cell.get("bodiless_links", ()))
     has_body = has_camera_body(plan.cell.get("parts", {}))
     for text in unchecked_of(links, has_camera_body=has_body):

@@ -210,6 +210,10 @@ def _rows(
         yield (tour.fixturing, str(step.setting_idx + 1), step.image, *lamps, *shown_cells)
 
 
+_SINGULAR = (
+    "singular value: the larger the better, and at 0 joints turn fast for a slow camera. Its lengths are divided by "
+    "500 mm"
+)
 _ROWS = 5
 # positions that are tried, of the part as it lies and on all its sides
 _PLACES = 300
@@ -495,6 +499,7 @@ def _print_layings(
         print_text(
             "program: images that the robot takes without a collision on its way, and the time of its moves"
         )
+    print_text(_SINGULAR)
     for k in np.flatnonzero(~best.reachability.reached.any(axis=1)):
         reasons = [poses[k].why for poses in best.reachability.poses.values()]
         print_text(f"setting {k + 1} is not reached in the first row: {'; '.join(reasons)}")
@@ -546,6 +551,7 @@ def _print_places(placements: tuple[Placement, ...], count: int, cell: Cell, fil
         for placement in placements[:_ROWS]
     ]
     print_table(columns, rows)
+    print_text(f"{_SINGULAR}. To limit: the angle of the nearest joint from its limit")
     for text in model_notes(cell):
         print_text(text)
     moving = dict.fromkeys(

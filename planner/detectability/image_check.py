@@ -578,7 +578,8 @@ class ImageCheck:
         vicinity = part.pieces.around(cam2world)
         if vicinity is None:
             return every, everything
-        near = self._may_show(vicinity, groups.spans, owner, looked.lines.relations[lines], reach)
+        segments = _Segments(groups.spans, owner, looked.lines.relations[lines])
+        near = self._may_show(vicinity, segments, reach)
         is_hopeful = np.array([len(beside) > 0 for beside in near], bool)
         hopeful = np.flatnonzero(is_hopeful[groups.of])
         is_beside = np.zeros(n_contours, bool)
@@ -588,35 +589,26 @@ class ImageCheck:
         return hopeful, part.some(np.flatnonzero(is_beside), looked, groups.line)
 
     def _may_show(
-        self,
-        vicinity: Vicinity,
-        spans: Array,
-        owner: NDArray[np.int64],
-        relations: NDArray[np.uint8],
-        reach: float,
+        self, vicinity: Vicinity, segments: _Segments, reach: float
     ) -> list[NDArray[np.int64]]:
         """Return which contours may show near each of some segments; what is known already is not looked for again."""
         limits = (reach, self._near_own_px, *self._stretches, *self._scale[:2].tolist())
-        of_owner = [row.tobytes() for row in relations]
+        of_owner = [row.tobytes() for row in segments.relations]
         keys = [
             (span.tobytes(), of_owner[row], *limits)
-            for span, row in zip(spans, owner.tolist(), strict=True)
+            for span, row in zip(segments.spans, segments.owner.tolist(), strict=True)
         ]
         new = [g for g, key in enumerate(keys) if key not in vicinity.known]
         if new:
-            rows = self._near_lines(vicinity, spans[new], owner[new], relations, reach)
+            rows = self._near_lines(vicinity, segments.chosen(new), reach)
             vicinity.known.update(zip([keys[g] for g in new], rows, strict=True))
         return [vicinity.known[key] for key in keys]
 
     def _near_lines(
-        self,
-        vicinity: Vicinity,
-        spans: Array,
-        owner: NDArray[np.int64],
-        relations: NDArray[np.uint8],
-        reach: float,
+        self, vicinity: Vicinity, segments: _Segments, reach: float
     ) -> list[NDArray[np.int64]]:
         """Return which contours may show near each of some segments, beyond what is excepted at common ends."""
+        spans, owner, relations = segments
         scale = np.abs(self._scale[:2])
         angle = (reach + _SAG_PX * self._stretches[1]) * self._stretches[0] / float(scale.min())
         may_show = vicinity.may_show(self._part.showing)
@@ -832,6 +824,18 @@ class _Groups(NamedTuple):
     spans: Array
     line: NDArray[np.int64]
     of: NDArray[np.int64]
+
+
+class _Segments(NamedTuple):
+    """Segments (g, 2, 3), whose they are (g,), and the relations (r, m) of contours to each owner."""
+
+    spans: Array
+    owner: NDArray[np.int64]
+    relations: NDArray[np.uint8]
+
+    def chosen(self, which: Sequence[int]) -> _Segments:
+        """Return some of the segments, with the relations of all owners."""
+        return _Segments(self.spans[which], self.owner[which], self.relations)
 
 
 class _Looked(NamedTuple):

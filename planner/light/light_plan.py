@@ -241,6 +241,30 @@ class LightPlan(ShownInNotebook):
         """Whether the bound proves that fewer lamps are not enough."""
         return bool(len(self.lamps)) and len(self.lamps) == self.lower_bound
 
+    def numbered_by_use(self) -> LightPlan:
+        """Return the plan with lamps that it placed in the order in which images use them first, unused ones last.
+
+        Given lamps keep their order.
+
+        Returns
+        -------
+        LightPlan
+            The same lamps and images under other numbers.
+        """
+        if self.kind != "placed":
+            return self
+        images = [image for lit_images in self.images for image in lit_images]
+        order = list(dict.fromkeys(lamp for image in images for lamp in image.lamps))
+        order += [lamp for lamp in range(len(self.lamps)) if lamp not in order]
+        number = {lamp: k for k, lamp in enumerate(order)}
+
+        def renumbered(image: LitImage) -> LitImage:
+            return replace(image, lamps=tuple(sorted(number[lamp] for lamp in image.lamps)))
+
+        numbered_images = tuple(tuple(map(renumbered, lit_images)) for lit_images in self.images)
+        places = self.lamps[np.array(order, dtype=int)]
+        return replace(self, lamps=places, images=numbered_images)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain values, ready for JSON.
 

@@ -303,7 +303,8 @@ class _Work:
         shots: list[list[LitImage]] = [[] for _ in range(self.n_settings)]
         for setting, place, pairs in images:
             shots[setting].append(self.image((number[place],), pairs, served.contrast[place]))
-        return self.plan(kind, served.places[list(chosen)], shots, bound, proof, reasons)
+        places = served.places[list(chosen)]
+        return self.plan(kind, places, shots, bound, proof, reasons).numbered_by_use()
 
     def plan(
         self,

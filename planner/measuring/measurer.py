@@ -363,7 +363,7 @@ class Measurer:
         if seen is not None and not self.edge_state(options).stated:
             broken = self._broken(seen, pictures, options, failed, again)
             seen = seen if broken is not None else None
-        edge_notes = seen_notes(seen, self.edge_state(options))
+        edge_notes = seen_notes(seen, self.edge_state(options), is_drawn_sharp=bool(drawn_for))
         if broken is not None:
             options, registered, failed = broken
         elif response.is_changed:
@@ -585,7 +585,12 @@ class Measurer:
         for name, ends in self.ends.items():
             free_of[name] = set().union(*(end.free for end in ends))
         joint = PartPosterior(
-            self.model, self.plan.camera, [g for g in groups if g], free_of, self._places_mm()
+            self.model,
+            self.plan.camera,
+            [group for group in groups if group],
+            free_of,
+            self._places_mm(),
+            self.edge_state(options),
         )
         report(progress, 1, 1, _JOINING)
         return joint
@@ -695,6 +700,9 @@ class Measurer:
             like = looks_like(self.model, pictures, poses, setting, prior)
             # what it looks like is the better reason
             why = f"{error.what}; it {like}" if like else str(error)
+            state = self.edge_state(options)
+            if state.stated and not state.is_sharp:
+                why += f"; check also whether edges are {state}"
             raise NotRegisteredError(why, counts={} if like else error.counts) from None
         accuracy = self._bias_px(options), self.edge_state(options)
         check_lens(self.model, pictures, pose, prior, registered, *accuracy)
@@ -887,7 +895,8 @@ class Measurer:
             if reason is not None:
                 # it is read all the same, from what images show of it
                 refused = f"{NOT_INSPECTED}{reason}"
-                result = replace(result, notes=(*result.notes, refused))
+                notes = (*result.notes, refused)
+                result = replace(result, notes=notes, is_planned=False)
             results[name] = result
         return results
 
@@ -1034,10 +1043,11 @@ class Measurer:
 
     def _not_planned(self, rule: DecisionRule) -> dict[str, Result]:
         """Return results of what the plan does not inspect: the reason is the plan's."""
-        return {
+        results = {
             name: merged(name, self.plan.targets[name], (), rule, f"{NOT_PLANNED}{reason}")
             for name, reason in self.plan.uninspectable.items()
         }
+        return {name: replace(result, is_planned=False) for name, result in results.items()}
 
     def _correlation(
         self, results: Mapping[str, Result], known: PartPosterior

@@ -27,6 +27,7 @@ from planner.measuring.register import bias_of
 from planner.measuring.registered import ImageEvidence, Registered, displaced, surface_variances
 from planner.measuring.samples import POSE, PartModel
 from planner.measuring.task import CREDIBLE
+from planner.request.edge_state import SHARP, EdgeState
 
 Array = NDArray[np.float64]
 
@@ -78,6 +79,8 @@ class PartPosterior:
     places_mm : mapping of int to float
         Of holes and pins with a tolerance of position, how far their axes may be off, by the number of the surface; one
         standard deviation along each direction, mm.
+    edges : EdgeState
+        How edges are taken to be broken; notes name it.
     """
 
     def __init__(
@@ -87,9 +90,11 @@ class PartPosterior:
         settings: Sequence[Mapping[str, Registered]],
         free_of: Mapping[str, set[int]],
         places_mm: Mapping[int, float] | None = None,
+        edges: EdgeState = SHARP,
     ) -> None:
         self._model = model
         self._places_mm = places_mm or {}
+        self._edges = edges
         self._camera = camera
         self._free_of = free_of
         self._settings = settings
@@ -183,10 +188,8 @@ class PartPosterior:
         if not count:
             return ()
         largest = float(np.sqrt((self._stated[self._stated > stated]).max()))
-        return (
-            f"{count} face{'s' * (count > 1)} deviate{'s' * (count == 1)} by up to {largest:.2g} mm, not by "
-            f"{self._surfaces_mm:.2g} mm as stated; U is computed with that",
-        )
+        faces = f"{count} face{'s' * (count > 1)} seem{'s' * (count == 1)} to deviate by up to"
+        return (self._edges.deviation_note(faces, largest, self._surfaces_mm),)
 
     def _all_views(self) -> list[View]:
         return [self._view(images) for images in self._settings]

@@ -646,10 +646,7 @@ def register_as_shown(
     registered = replace(registered, surfaces_mm=shown_mm)
     if shown_mm <= surfaces_mm:
         return registered
-    note = (
-        f"faces deviate by about {shown_mm:.2g} mm, not by {surfaces_mm:.2g} mm as stated; "
-        f"U is computed with that"
-    )
+    note = edge_state.deviation_note("faces seem to deviate by about", shown_mm, surfaces_mm)
     return replace(registered, warnings=(note,))
 
 

@@ -165,6 +165,8 @@ class Result(ShownInNotebook):
         Of a position, its datums in their order. The drawing names them, otherwise their entities do.
     foreseen_uncertainty : float
         U as the plan foresaw it, in the surest setting that has an image; nan if it did not.
+    is_planned : bool
+        Whether the plan inspects the target. Images may show another one nevertheless.
     deviation : float
         Measured value minus nominal value.
     expanded_uncertainty : float
@@ -196,18 +198,13 @@ class Result(ShownInNotebook):
     material: str = ""
     datums: tuple[str, ...] = ()
     foreseen_uncertainty: Annotated[NumberOrNull, Key("U_foreseen")] = math.nan
+    is_planned: Annotated[bool, Key("planned")] = True
     deviation: NumberOrNull = field(init=False)
     expanded_uncertainty: Annotated[NumberOrNull, Key("U")] = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "deviation", self.value - self.nominal)
         object.__setattr__(self, "expanded_uncertainty", COVERAGE * self.standard_uncertainty)
-
-    @property
-    def is_planned(self) -> bool:
-        """Whether the plan inspects the target; images may show another one nevertheless."""
-        noted = any(note.startswith(NOT_INSPECTED) for note in self.notes)
-        return not noted and not self.reason.startswith(NOT_PLANNED)
 
     @property
     def measured(self) -> bool:

@@ -156,9 +156,21 @@ class SeenBreak:
     edges: tuple[str, ...]
 
 
-def seen_notes(seen: SeenBreak | None, stated: EdgeState) -> list[str]:
-    """Return what the user should know of a break that images show, given what is stated; nothing if this agrees."""
-    if seen is None:
+def seen_notes(
+    seen: SeenBreak | None, stated: EdgeState, *, is_drawn_sharp: bool = False
+) -> list[str]:
+    """Return what the user should know of a break that images show, given what is stated; nothing if this agrees.
+
+    Parameters
+    ----------
+    seen : SeenBreak or None
+        The break.
+    stated : EdgeState
+        What is stated.
+    is_drawn_sharp : bool
+        Whether the images are rendered, with sharp edges. These look broken only because a break is stated.
+    """
+    if seen is None or (is_drawn_sharp and stated.stated and not stated.is_sharp):
         return []
     low, high = seen.limits_mm
     names = ", ".join(seen.edges[:3]) + (", ..." if len(seen.edges) > 3 else "")
@@ -166,7 +178,8 @@ def seen_notes(seen: SeenBreak | None, stated: EdgeState) -> list[str]:
     if not stated.stated:
         return [f"{text}: measured as broken by {low:g} to {high:g} mm; state edges"]
     if low > stated.high_mm:
-        return [f"{text}, and they are {stated}: measured as stated"]
+        said = str(stated) if stated.is_sharp else f"stated as {stated}"
+        return [f"{text}, and they are {said}: measured as stated"]
     return []
 
 

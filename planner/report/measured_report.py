@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,7 +61,10 @@ def print_results(results: MeasurementResults) -> None:
         Column("found", right=True),
         Column("decision"),
     )
-    print_table(columns, [_row(result) for result in results])
+    # a column that says "no tolerance" of every value says nothing
+    is_decided = any(result.decision is not Decision.NO_TOLERANCE for result in results)
+    n_columns = len(columns) if is_decided else len(columns) - 1
+    print_table(columns[:n_columns], [_row(result)[:n_columns] for result in results])
     names = [result.name for result in results]
     for reason, targets in _reasons(results).items():
         print_text(words(f"not measured: {enumerated(targets)}: {reason}", names))
@@ -522,17 +525,32 @@ def _explanation(results: MeasurementResults) -> str:
         f"Rule: {results.rule}. Values in mm, angles in degrees. U is the expanded uncertainty, twice the standard "
         "uncertainty u. It counts the camera's pose, the part's surfaces, the points in the image, the response of "
         "the camera and broken edges. It does not count the calibration of the lens and the temperature of the part."
-        f"{_foreseen_explanation(results)}{_break_explanation(results)}"
+        f"{_foreseen_explanation(results)}{_interval_explanation(results)}{_break_explanation(results)}"
     )
 
 
 def _foreseen_explanation(results: MeasurementResults) -> str:
     is_foreseen = [math.isfinite(result.foreseen_uncertainty) for result in results]
-    if not any(is_foreseen) or all(is_foreseen):
+    if not any(is_foreseen):
+        return ""
+    text = (
+        " U measured is that of these images, and decides. U foreseen is what the plan expected of the planned pose "
+        "and lamps."
+    )
+    if all(is_foreseen):
+        return text
+    return (
+        f"{text} A plan foresees no U of the length of an edge, of an arc of less than half a circle, of a value from "
+        "two images, and of what it does not inspect."
+    )
+
+
+def _interval_explanation(results: MeasurementResults) -> str:
+    if all(result.interval is None for result in results):
         return ""
     return (
-        " A plan foresees no U of the length of an edge, of an arc of less than half a circle, of a value from two "
-        "images, and of what it does not inspect."
+        " A position is twice a distance, and never below 0. So its interval of 95 % counts errors in all directions, "
+        "may be wider on one side, and is not the value ± U."
     )
 
 
@@ -547,46 +565,60 @@ def _break_explanation(results: MeasurementResults) -> str:
 
 
 def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
-    """Return the values, each with a picture of its tolerance or the reason why there is none."""
+    """Return the values, each with a picture of its tolerance. Below a row stands the reason why it has no value."""
     unseen = results.unseen
     has_u = all(result.interval is None for result in ordered)
-    is_foreseen = any(math.isfinite(result.foreseen_uncertainty) for result in ordered)
-    columns = (
-        Column("Target", kind="link"),
-        Column("Nominal, tolerance", right=True),
-        Column("Value", right=True),
-        Column("Deviation", right=True),
-        Column("U (k = 2)" if has_u else "U (k = 2), or 95 % of a position", right=True),
-        *([Column("U foreseen by the plan", right=True)] if is_foreseen else []),
-        Column("Accepted deviation", right=True),
-        *(
-            [Column(f"U with breaks to {unseen.limit_mm:.2g} mm", right=True, kind="lines")]
-            if unseen
-            else []
-        ),
-        Column("Tolerance, guard bands, value ± U", kind="lines"),
-        Column("Decision", kind="lines"),
-    )
-    rows = []
-    for result in ordered:
-        bar = value_bar(result, results.rule)
-        lines = [] if bar is None else [CellLine(render_macro("planner", _PICTURES, "value", bar))]
-        if result.reason:
-            first = _first_alike(result, results)
-            reason = _short_reason(result, results) if first is result else f"as {first.name}"
-            lines.append(CellLine(reason, "note", "Reason"))
-        decision = CellLine(result.decision.value, _CLASSES[result.decision])
-        link = (_anchor(result, results), result.name)
-        value, uncertainty = value_texts(result)
-        texts = (nominal_text(result), value, _deviation_text(result), uncertainty)
-        foreseen = [_foreseen_text(result)] * is_foreseen
-        wider = [_wider_line(result, unseen)] if unseen else []
-        rows.append((link, *texts, *foreseen, _accepted_text(result), *wider, lines, [decision]))
-    return Table(columns, rows, style="stack")
+    has_tolerances = any(result.tolerance is not None for result in ordered)
+    u_head = "U measured (k = 2)" if has_u else "U measured (k = 2), or 95 % of a position"
+    columns: list[tuple[Column, Callable[[Result], Any]]] = [
+        (Column("Target", kind="link"), lambda result: (_anchor(result, results), result.name)),
+        (Column("Nominal, tolerance" if has_tolerances else "Nominal", right=True), nominal_text),
+        (Column("Value", right=True), lambda result: value_texts(result)[0]),
+        (Column("Deviation", right=True), _deviation_text),
+        (Column(u_head, right=True), lambda result: value_texts(result)[1]),
+    ]
+    if any(math.isfinite(result.foreseen_uncertainty) for result in ordered):
+        columns.append((Column("U foreseen by the plan", right=True), _foreseen_text))
+    if has_tolerances:
+        columns.append((Column("Accepted deviation", right=True), _accepted_text))
+    if unseen:
+        head = f"U with breaks to {unseen.limit_mm:.2g} mm"
+        column = Column(head, right=True, kind="lines")
+        columns.append((column, lambda result: _wider_line(result, unseen)))
+    if has_tolerances:
+        column = Column("Tolerance, guard bands, value ± U", kind="lines")
+        columns.append((column, lambda result: _bar_line(result, results)))
+    columns.append((Column("Decision", kind="lines"), _decision_line))
+    rows = [tuple(cell(result) for _, cell in columns) for result in ordered]
+    below = {
+        k: f"Reason: {reason}"
+        for k, result in enumerate(ordered)
+        if (reason := _reason_of_row(result, results))
+    }
+    return Table(tuple(column for column, _ in columns), rows, style="stack", below=below)
+
+
+def _bar_line(result: Result, results: MeasurementResults) -> list[CellLine]:
+    bar = value_bar(result, results.rule)
+    return [] if bar is None else [CellLine(render_macro("planner", _PICTURES, "value", bar))]
+
+
+def _decision_line(result: Result) -> list[CellLine]:
+    return [CellLine(result.decision.value, _CLASSES[result.decision])]
+
+
+def _reason_of_row(result: Result, results: MeasurementResults) -> str:
+    """Return why a result has no value; of several with one reason, the others refer to the first."""
+    if not result.reason:
+        return ""
+    first = _first_alike(result, results)
+    return _short_reason(result, results) if first is result else f"as {first.name}"
 
 
 def _foreseen_text(result: Result) -> str:
-    """Return U as the plan foresaw it."""
+    """Return U as the plan foresaw it; nothing of what was not measured."""
+    if not result.measured:
+        return ""
     amount = result.foreseen_uncertainty
     return number_text(amount, amount) if math.isfinite(amount) else "not foreseen"
 
@@ -691,9 +723,7 @@ def _sentence(result: Result) -> str:
     )
     if result.interval is not None:
         zone = nominal_text(result)
-        text = (
-            f"Position {value} {result.unit} in {zone}, with 95 % in {uncertainty} {result.unit}."
-        )
+        text = f"{result.kind.capitalize()} {value} {result.unit} in {zone}, with 95 % in {uncertainty} {result.unit}."
     if math.isfinite(result.conformance_probability):
         probability = probability_text(result.conformance_probability)
         if not float(probability.removeprefix("> ")):

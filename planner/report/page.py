@@ -51,6 +51,7 @@ from planner.report.tables import (
     Notice,
     arm,
     attention,
+    clearance_sentence,
     may_be_unsharp,
     not_inspected,
     not_planned,
@@ -910,5 +911,6 @@ def _request(plan: InspectionPlan) -> dict[str, Any]:
         "field_mm": field.tolist(),
         "sigmas": sigma_text(plan.pose_uncertainty.sigmas),
         "registration": registration_text(plan),
+        "clearance": clearance_sentence(plan),
         "requirements": requirement_rows(plan),
     }

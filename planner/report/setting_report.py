@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import compress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from scipy.spatial.transform import Rotation
@@ -287,6 +288,10 @@ def _map_caption(plan: InspectionPlan) -> str:
 # each.
 
 
+# columns that say nothing where no dimension has a tolerance
+_OF_TOLERANCES = ("U/T", "Accepted from, to")
+
+
 def dimensions_table(plan: InspectionPlan) -> Table | None:
     """Return a row per dimension and setting; nothing for a plan without dimensions.
 
@@ -321,8 +326,10 @@ def dimensions_table(plan: InspectionPlan) -> Table | None:
     ]
     order = list(plan.entities)
     rows.sort(key=lambda row: order.index(row[0]))
-    values = [row for _, row in rows]
-    return Table(columns, values, "dimensions", "stack", notes=_notes(plan))
+    has_tolerances = any(plan.dimensions[name].tolerance is not None for name, _ in rows)
+    shown = [has_tolerances or column.heading not in _OF_TOLERANCES for column in columns]
+    values = [list(compress(row, shown)) for _, row in rows]
+    return Table(list(compress(columns, shown)), values, "dimensions", "stack", notes=_notes(plan))
 
 
 def budget_percents(budget: Mapping[str, float]) -> dict[str, float]:

@@ -270,6 +270,26 @@ def arm(plan: InspectionPlan) -> Table | None:
     return Table(columns, rows, style="stack arm")
 
 
+def clearance_sentence(plan: InspectionPlan) -> str:
+    """Say what clearance and limit are, and between which objects the clearance is smallest; empty without a robot.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        A plan for a cell.
+    """
+    arms = {k: setting.arm for k, setting in enumerate(plan.settings, 1) if setting.fixturing}
+    if not arms:
+        return ""
+    nearest = min(arms, key=lambda k: arms[k]["clearance_robot_mm"])
+    between = f"between {arms[nearest]['closest']} " if arms[nearest].get("closest") else ""
+    return (
+        "The clearance is the distance of arm or camera from the nearest object, or of two links nearer than 5 mm. "
+        f"The smallest is {arms[nearest]['clearance_robot_mm']:.1f} mm, {between}in setting {nearest}. "
+        "The limit is that of the nearest joint."
+    )
+
+
 def poses(plan: InspectionPlan) -> Table:
     """Return the poses in the order of travel: front nodal point, quaternion, and roll, pitch, yaw."""
     columns = [

@@ -246,7 +246,7 @@ def assumed_edges_text(plan: InspectionPlan) -> str:
     plan : InspectionPlan
         The plan.
     """
-    assumed = f"planned as sharp; 'measure' assumes breaks of up to {EdgeState().high_mm:g} mm"
+    assumed = f"planned as sharp, and P holds for that; 'measure' assumes breaks of up to {EdgeState().high_mm:g} mm"
     whole = unstated_edges_text(plan)
     if whole:
         rows = _broken_rows(plan)
@@ -342,6 +342,11 @@ def promise_sentence(plan: InspectionPlan) -> str:
     )
     if registered := registration_text(plan):
         alone += f" Here, {registered}, so the camera's own uncertainty limits where it looks, not what it reads."
+    if assumed_edges_text(plan):
+        alone += (
+            f" P takes edges as sharp, but 'measure' assumes breaks of up to {EdgeState().high_mm:g} mm where none is "
+            "stated, so its U is larger."
+        )
     poses = min((view.p_all_poses for view in plan.settings if view.p_all), default=0)
     if not poses:
         return alone

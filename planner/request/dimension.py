@@ -16,8 +16,8 @@ from planner.argument_kinds import (
     NOT_NEGATIVE,
     POSITIVE,
     NumberRule,
+    check_accuracy,
     check_count,
-    check_fraction,
     check_number,
     kind_shown,
     names_meant,
@@ -274,8 +274,9 @@ class Dimension:
     Parameters
     ----------
     kind : str
-        "length", "distance", "angle", "diameter", "radius", "centre_distance", "centre_to_edge" or
-        "position", or another kind registered with `errors.measurands`.
+        "length", "distance", "angle", "diameter", "radius", "centre_distance", "centre_to_edge",
+        "position", "width_position", "symmetry" or "coaxiality", or another kind registered with
+        `errors.measurands`.
     entities : tuple
         Entities that must be visible: ids (``17``, ``"r3"``, ``"a0"``), `Edge`, `Rim` or `Entity`
         objects, or two end points in mm.
@@ -379,7 +380,7 @@ class Dimension:
         if self.max_error is not None:
             check_number("max_error", self.max_error, _POSITIVE)
         if self.accuracy is not None:
-            check_fraction("accuracy", self.accuracy)
+            check_accuracy(self.accuracy)
         check_number("share", self.share, ABOVE_0_TO_1)
         if self.direction is not None:
             object.__setattr__(self, "direction", _checked_direction(self.direction))

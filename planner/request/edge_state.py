@@ -145,6 +145,22 @@ class EdgeState:
             return f"broken by {self.high_mm:g} mm"
         return f"broken by {self.low_mm:g} to {self.high_mm:g} mm"
 
+    def deviation_note(self, faces: str, shown_mm: float, stated_mm: float) -> str:
+        """Return the note on faces that seem to deviate more than stated, as wrongly taken edges make them seem, too.
+
+        Parameters
+        ----------
+        faces : str
+            Which faces, with the verb, such as "faces seem to deviate by about".
+        shown_mm, stated_mm : float
+            By how much they seem to deviate, and by how much is stated.
+        """
+        taken = "broken" if self.stated and not self.is_sharp else "sharp"
+        return (
+            f"{faces} {shown_mm:.2g} mm, not by {stated_mm:.2g} mm as stated, or edges are not {taken} as taken here "
+            f"({self}); U is computed with that deviation"
+        )
+
 
 SHARP = EdgeState(0.0, 0.0, True)
 """Edges as the model has them."""

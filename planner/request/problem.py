@@ -34,7 +34,7 @@ from planner.request.targets import (
 from planner.text_table import digits_text
 
 if TYPE_CHECKING:
-    from errors.measurands import Localisation
+    from errors.measurands import Localisation, Prediction
 
 
 # The objective: how probable it is that every target is measured accurately from a pose.
@@ -522,6 +522,21 @@ class Problem:
     def find_target(self, name: str) -> Target:
         """Return the target of this name."""
         return self.targets[self.names.index(name)]
+
+    def described_at(self, cam2world: NDArray[np.float64], name: str) -> Prediction:
+        """Return how accurately a pose measures a target, by the witness that it shows best.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            The pose.
+        name : str
+            The target.
+        """
+        problem = self.at_pose(cam2world, [name])
+        knowledge = self.known_at(cam2world, [name])
+        means = self.means if knowledge is None else knowledge.of_target(self.means, name)
+        return problem.measured[name].describe(cam2world, means)
 
     @cached_property
     def measured(self) -> dict[str, Target]:

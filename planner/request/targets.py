@@ -64,6 +64,7 @@ from planner.request.words import (
     TargetWords,
     amount_text,
     is_characteristic,
+    limit_text,
     tolerance_text,
 )
 
@@ -325,7 +326,9 @@ class Target(ABC):
             )
         return replace(self, name=name or self.name, witnesses=(self.witnesses[k],))
 
-    def remedy(self, best: float, required: float) -> str:
+    def remedy(
+        self, best: float, required: float, budget: Mapping[str, float] | None = None
+    ) -> str:
         """Say what would help where no pose is sure enough; empty where nothing is known.
 
         Parameters
@@ -334,6 +337,8 @@ class Target(ABC):
             Probability that the best pose reaches.
         required : float
             Probability that is required.
+        budget : mapping of str to float, optional
+            Variance by source at that pose, as a `Prediction` has it.
 
         Returns
         -------
@@ -852,7 +857,9 @@ class PlannedDimension(Target):
         """Return the permitted error in percent of half the width of a tolerance."""
         return percent_text(self.permitted_error / half_width(self.kind, tolerance))
 
-    def remedy(self, best: float, required: float) -> str:
+    def remedy(
+        self, best: float, required: float, budget: Mapping[str, float] | None = None
+    ) -> str:
         """Say what a pose whose probability is too low would do for: a larger permitted error, or none.
 
         Its errors are taken to be normal. The probability is to be halfway from the required one to 1, because
@@ -864,21 +871,48 @@ class PlannedDimension(Target):
             Probability that the pose reaches.
         required : float
             Probability that is required.
+        budget : mapping of str to float, optional
+            Variance by source at that pose, as a `Prediction` has it. The text names what limits most.
 
         Returns
         -------
         str
-            A sentence; empty where the tolerance gives no share, and for a position, whose error has two directions.
+            Sentences. Of a position, whose error has two directions, and without a share of a tolerance, only the one
+            on the budget.
         """
+        limit = limit_text(budget or {}, self.edges)
         if self.share is None or self.tolerance is None or self.kind in POSITIONS or best < _LEAST:
-            return ""
+            return limit
         times = float(ndtri(0.5 + (1.0 + required) / 4.0) / ndtri((1.0 + best) / 2.0))
         # a share is stated by two digits, and no less than it needs
         share = math.ceil(100.0 * times * self.share) / 100.0
         if share > 1.0:
-            return "No share of the tolerance would do there: a larger image or a surer pose is needed."
+            return f"No share of the tolerance would do there. {limit}".rstrip()
         error = share * half_width(self.kind, self.tolerance)
         return f"An error of up to {amount_text(f'{error:.4g}', self.unit)}, a share of {share:g}, would do there."
+
+    def is_limited_by_part(self, budget: Mapping[str, float], required: float) -> bool:
+        """Return whether edges and faces of the part alone make the probability too low, for any camera.
+
+        Errors are taken to be normal. Of a position, whose error has two directions, it is not known.
+
+        Parameters
+        ----------
+        budget : mapping of str to float
+            Variance by source, as a `Prediction` has it.
+        required : float
+            Probability that is required.
+
+        Returns
+        -------
+        bool
+            True if a perfect image of a perfect pose would not do.
+        """
+        if self.kind in POSITIONS:
+            return False
+        variance = budget.get("edge_state", 0.0) + budget.get("surfaces", 0.0)
+        largest = self.permitted_error / float(ndtri((1.0 + required) / 2.0))
+        return variance > largest**2
 
     def item_of(self, solid: Solid) -> Dimension:
         """Return the dimension as `plan_inspection` takes it, on a part.

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from aspectgraph import ModelRequirements
+    from planner.request.edge_state import EdgeState
 
 # Characteristics: one dimension on one feature. Their names, and how many a plan leaves out.
 #
@@ -256,3 +257,45 @@ def tolerance_text(tolerance: tuple[float, float]) -> str:
     if lower == -upper:
         return f"±{upper:.4g}"
     return "/".join(deviation_text(limit) for limit in (upper, lower))
+
+
+_LIMITS = {
+    "the uncertain pose of the camera": (
+        ("translation", "rotation"),
+        "A surer pose is needed, or registered images.",
+    ),
+    "points found in the image": (
+        ("localisation", "localisation_floor"),
+        "A larger image is needed.",
+    ),
+    "faces that deviate": (
+        ("surfaces",),
+        "State a smaller deviation of faces if the part is made better.",
+    ),
+    "the edges, {edges}": (
+        ("edge_state",),
+        "State smaller breaks if the part has them.",
+    ),
+}
+
+
+def limit_text(budget: Mapping[str, float], edges: EdgeState) -> str:
+    """Say what most of the variance of a value comes from, and what to do about it; empty without a variance.
+
+    Parameters
+    ----------
+    budget : mapping of str to float
+        Variance by source, as a `Prediction` has it.
+    edges : EdgeState
+        How edges are taken to be broken.
+    """
+    total = sum(budget.values())
+    if not 0 < total < math.inf:
+        return ""
+    shares = {
+        cause: sum(budget.get(source, 0.0) for source in sources) / total
+        for cause, (sources, _) in _LIMITS.items()
+    }
+    largest = max(shares, key=shares.__getitem__)
+    share = f"{100 * shares[largest]:.0f} %"
+    return f"The largest part of the variance ({share}) is by {largest.format(edges=edges)}. {_LIMITS[largest][1]}"

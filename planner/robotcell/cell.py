@@ -756,7 +756,7 @@ class Cell:
             pair = (bodies[second].name, bodies[first].name)
             nearest[pair] = min(mm, nearest.get(pair, np.inf))
         return tuple(
-            f"{held} is mounted {mm:.3g} mm from {link}, clearance {self.clearance_mm:g}: "
+            f"{held} is mounted {mm:.3g} mm from {link}, nearer than clearance_mm = {self.clearance_mm:g} mm: "
             "these two must only not touch"
             for (held, link), mm in nearest.items()
         )

@@ -356,7 +356,9 @@ class Reacher:
         if mm <= 0:
             return words
         required = float(group.required[blocker])
-        return words.replace(" touches ", f" is {mm:.3g} mm from ") + f", clearance {required:g}"
+        return (
+            words.replace(" touches ", f" is {mm:.3g} mm from ") + f"; {required:g} mm are required"
+        )
 
 
 def over_angles(

@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -30,6 +30,7 @@ from planner.plan import InspectionPlan
 from planner.progress import report
 from planner.request.problem import Problem
 from planner.request.split import ends_apart
+from planner.request.targets import PlannedDimension
 from planner.search.columns import (
     ColumnPool,
     Judge,
@@ -67,7 +68,7 @@ from planner.search.realise_column import (
     with_p_all,
     without_corners,
 )
-from planner.sensor_setting import Reason, ReasonKind, SensorSetting
+from planner.sensor_setting import Outcome, Reason, ReasonKind, SensorSetting
 from planner.verify.joint_counts import JOINT_POSES, MOST_REQUIRED
 
 if TYPE_CHECKING:
@@ -492,11 +493,23 @@ def realise_missing_alone(run: SearchRun, incumbents: Incumbents) -> dict[str, R
         batch = missing[first : first + _AT_A_TIME]
         for name, outcome in zip(batch, run.realise([(name,) for name in batch]), strict=True):
             if name not in run.accept(outcome):
-                remedy = run.problem.find_target(name).remedy
-                reasons[name] = outcome.reason_at(run.problem.probability, remedy)
+                reasons[name] = _reason(run.problem, outcome, name)
         if len(reasons) - n_unlit < first + len(batch):
             incumbents.offer(run)
     return reasons
+
+
+def _reason(problem: Problem, outcome: Outcome, name: str) -> Reason:
+    """Return why a target is not inspected, given the outcome of its own run, and what would help."""
+    target = problem.measured[name]
+    if outcome.setting is None or name not in outcome.setting.entities:
+        return outcome.reason_at(problem.probability, target.remedy)
+    budget = problem.described_at(outcome.setting.cam2world, name).budget
+    is_limited = isinstance(target, PlannedDimension) and target.is_limited_by_part(
+        budget, problem.probability
+    )
+    remedy = partial(target.remedy, budget=budget)
+    return outcome.reason_at(problem.probability, remedy, is_limited_by_part=is_limited)
 
 
 def generate_first_columns(run: SearchRun, incumbents: Incumbents) -> None:

@@ -270,6 +270,7 @@ def test_probability_too_low_is_listed_with_the_best_found(space):
     ("options", "message"),
     [
         ({"accuracy": 1.2}, r"accuracy must be in \(0, 1\). Got 1.2"),
+        ({"accuracy": 0.02}, r"accuracy must be at least 0\.5.* Got 0\.02; write 0\.98"),
         ({"probability": 0}, r"probability must be in \(0, 1\). Got 0"),
         ({"probability": float("nan")}, r"probability must be in \(0, 1\). Got nan"),
         ({"rng": -1}, "rng must be a non-negative integer or a numpy Generator. Got -1"),

@@ -5,6 +5,7 @@ import math
 import re
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -23,6 +24,7 @@ from holed_plate import (
 from plan_examples import BRIEF
 
 from aspectgraph import Solid
+from errors.measurands.measurand import kinds
 from planner import (
     Camera,
     Dimension,
@@ -30,6 +32,7 @@ from planner import (
     Localisation,
     PlanFileError,
     PoseUncertainty,
+    ReasonKind,
     RequestError,
     look_at,
     plan_inspection,
@@ -37,6 +40,7 @@ from planner import (
     read_plan,
 )
 from planner.bound.pose_space import least_images_mm
+from planner.report.terminal_tables import print_plan
 from planner.request.problem import Problem
 from planner.request.reach import TargetSpace
 from planner.request.resolve import resolve_wanted
@@ -388,10 +392,47 @@ def test_what_is_not_sure_enough_says_which_share_would_do_and_that_share_does(s
     assert plan.inspected["depth"] >= 0.85
 
 
+def test_a_dimension_that_broken_edges_limit_says_so(solid, capsys):
+    """Its share of the variance is the largest, however sure the pose is and however large the image."""
+    depth = Dimension.distance(FRONT, BACK, tolerance_mm=(-0.05, 0.05))
+    options = {
+        "localisation": FINE,
+        "effort": QUICK,
+        "probability": 0.8,
+        "edge_break_mm": (0.3, 0.3),
+    }
+    plan = plan_inspection(solid, {"depth": depth}, CAMERA, UNCERTAINTY, **options)
+    reason = plan.uninspectable["depth"]
+    assert reason.endswith(
+        "is by the edges, broken by 0.3 mm. State smaller breaks if the part has them."
+    )
+    # no camera is proposed, because none helps
+    assert reason.kind is ReasonKind.LIMITED_BY_PART
+    print_plan(plan)
+    assert "another camera" not in capsys.readouterr().out
+    # 90 % of a normal error are within 1.645 standard deviations
+    target = plan.targets["depth"]
+    limit = target.permitted_error / 1.6449
+    assert target.is_limited_by_part({"edge_state": 1.01 * limit**2}, 0.9)
+    assert not target.is_limited_by_part({"edge_state": 0.99 * limit**2, "rotation": 1.0}, 0.9)
+
+
+def test_every_kind_of_dimension_is_documented():
+    page = Path("docs/dimensions.md").read_text("utf-8")
+    for kind in kinds():
+        assert f'"{kind}"' in str(Dimension.__doc__)
+        assert f"`{kind}`" in page
+
+
 def test_a_tolerance_too_narrow_for_any_share_says_so(solid):
     depth = Dimension.distance(FRONT, BACK, tolerance_mm=(-0.01, 0.01), share=0.5)
     _, (target,) = resolve_wanted(solid, {"depth": depth}, 0.8)
-    assert target.remedy(0.2, 0.9).startswith("No share of the tolerance would do there")
+    assert target.remedy(0.2, 0.9) == "No share of the tolerance would do there."
+    budget = {"translation": 1.0, "rotation": 2.0, "localisation": 2.0, "surfaces": 1.0}
+    assert target.remedy(0.2, 0.9, budget) == (
+        "No share of the tolerance would do there. The largest part of the variance (50 %) is by the uncertain pose "
+        "of the camera. A surer pose is needed, or registered images."
+    )
     # 1 - 0.95 on both sides is 1.96 of the standard deviations of which 0.8 is 1.28
     assert "a share of 0.77," in target.remedy(0.8, 0.9)
     depth = Dimension.distance(FRONT, BACK, max_error_mm=0.01)

@@ -717,7 +717,7 @@ def test_values_of_checkpoints(table, plain):
 ENTITIES_ROUND_TRIPS = st.one_of(st.integers(0, 999), st.integers(0, 99).map("r{}".format))
 ASKED = st.one_of(
     st.fixed_dictionaries({"max_error": LENGTHS}),
-    st.fixed_dictionaries({"accuracy": st.floats(0.01, 0.99)}),
+    st.fixed_dictionaries({"accuracy": st.floats(0.5, 0.99)}),
     st.tuples(LENGTHS, LENGTHS, st.floats(0.01, 1.0)).map(
         lambda t: {"tolerance": [-t[0], t[1]], "share": t[2]}
     ),

@@ -22,7 +22,7 @@ from planner import (
     default_workspace,
     plan_inspection,
 )
-from planner.report.tables import arm
+from planner.report.tables import arm, clearance_sentence
 from planner.search.incumbents import fewest_fixturings
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
@@ -112,6 +112,15 @@ def test_every_setting_is_reached_without_collision(block, celled):
         assert setting.arm["clearance_robot_mm"] == inside.clearance(q[0], setting.fixturing).mm
         assert setting.arm["to_limit_rad"] == cell.robot.to_limit_rad(q)[0]
         assert setting.arm["singular_value"] == pytest.approx(cell.robot.singular_value(q)[0])
+
+
+def test_the_smallest_clearance_is_said_with_its_objects(free, celled):
+    plan = celled[1]
+    smallest = min(plan.settings, key=lambda setting: setting.arm["clearance_robot_mm"])
+    mm = smallest.arm["clearance_robot_mm"]
+    said = clearance_sentence(plan)
+    assert f"{mm:.1f} mm, between {smallest.arm['closest']} in setting" in said
+    assert not clearance_sentence(free)
 
 
 def test_the_bound_is_proven_without_the_cell(free, celled):

@@ -117,6 +117,11 @@ def refusal(capsys, *words):
         (["--versoin"], "did you mean --version?"),
         ([*PLAN, "--sigma-mm", "0.1kg"], "--sigma-mm must be a length in mm, or with its unit"),
         ([*PLAN, "--accuracy", "98"], "--accuracy must be in (0, 1). Got 98.0; write 98%."),
+        ([*PLAN, "--gap", "5"], "--gap must be in [0, 1). Got 5; write 5%."),
+        # the permitted error and the accuracy are confused
+        ([*PLAN, "--accuracy", "2"], "--accuracy must be in (0, 1). Got 2.0; write 98% for an error of 2%."),
+        ([*PLAN, "--accuracy", "2%"], "--accuracy must be at least 0.5, because 0.98 permits an error of 2%. "
+         "Got 0.02; write 0.98 for an error of 2%."),
         ([*PLAN, "-j", "many"], "--jobs must be a whole number. Got 'many'"),
         (["info", BLOCK, "--select", "lenght > 20"], "Got 'lenght > 20'; 'length > 20' may be meant"),
         (["info", BLOCK, "--select", "face = topp"], "'face = top' may be meant"),

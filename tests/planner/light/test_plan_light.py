@@ -3,6 +3,7 @@
 import pickle
 import re
 import time
+from dataclasses import replace
 from itertools import combinations
 from types import SimpleNamespace
 
@@ -67,6 +68,20 @@ def test_opposite_faces_need_two_lamps():
         assert inside(found.lamps[image.lamps[0], 0])
         assert image.silhouettes == tuple(image.contrast)
     assert plan_light(side_plan(), block(), AROUND) == found
+
+
+def test_lamps_are_numbered_in_the_order_of_images():
+    """Whichever face the first camera sees, its image has the first lamp; given lamps keep their order."""
+    two_faces = side_plan()
+    for settings in (two_faces.settings, two_faces.settings[::-1]):
+        light = plan_light(replace(two_faces, settings=settings), block(), AROUND)
+        assert [image.lamps for images in light.images for image in images] == [(0,), (1,)]
+        is_left = [light.lamps[0, 0] < 0, light.lamps[1, 0] < 0]
+        assert is_left == ["left" in setting.entities for setting in settings]
+    given = [(680.0, 25.0, 30.0), (-600.0, 25.0, 30.0)]
+    light = plan_light(two_faces, block(), given)
+    assert light.lamps.tolist() == [list(lamp) for lamp in given]
+    assert [images[0].lamps for images in light.images] == [(1,), (0,)]
 
 
 def test_what_no_place_shows_is_told():

@@ -182,6 +182,16 @@ def test_the_table_of_a_plan_shows_what_measure_will_use(limits):
         assert accepted[1] - amounts[0] / 10 <= high <= accepted[1]
 
 
+def test_a_plan_without_tolerances_has_no_column_about_them():
+    plan = plan_of("planned")
+    bare = tuple(replace(target, tolerance=None) for target in plan.request.targets)
+    free = dimensions_table(changed(plan, targets=bare))
+    about = {"U/T", "Accepted from, to"}
+    assert not about.intersection(column.title for column in free.columns)
+    assert about < {column.title for column in dimensions_table(plan).columns}
+    assert {len(row) for row in free.rows} == {len(free.columns)}
+
+
 def test_a_plan_holds_what_is_foreseen():
     plan = with_foreseen(plan_of("own edges"), SOLID)
     assert plan.foreseen == tuple(foreseen_uncertainties(plan, SOLID))

@@ -13,6 +13,7 @@ from planner.measuring.part_posterior import PartPosterior, light_variances, var
 from planner.measuring.register import register_as_shown
 from planner.measuring.registered import as_given
 from planner.measuring.samples import POSE
+from planner.request.edge_state import EdgeState
 from planner.request.registration import OWN_EDGES
 
 MADE = {"left": 0.05, "right": 0.0, "width": 0.08}
@@ -165,6 +166,23 @@ def test_a_face_that_deviates_more_than_stated_is_let_deviate():
     np.testing.assert_array_equal(np.delete(shown, 1), np.delete(stated, 1))
     usual = replace_right(view, np.append(0.0, np.sign(where) * 0.02))
     np.testing.assert_array_equal(variances_shown(stated, [usual]), stated)
+
+
+def test_a_face_that_deviates_may_be_an_edge_that_is_not_as_stated(measurer, registered):
+    """Both move the lines in the image alike, so the note names both."""
+    image, *_ = registered.values()
+    joint = PartPosterior(
+        measurer.model,
+        CAMERA,
+        [{"setting_01": image}],
+        measurer.model.free_of,
+        edges=EdgeState(0.5, 0.5, True),
+    )
+    stated = joint._as_stated()
+    joint._stated = np.append(0.43**2, stated[1:])
+    (note,) = joint.notes
+    assert note.startswith("1 face seems to deviate by up to 0.43 mm, not by ")
+    assert "or edges are not broken as taken here (broken by 0.5 mm)" in note
 
 
 def test_what_light_does_to_a_rim_is_no_deviation(measurer):

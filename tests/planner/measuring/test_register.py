@@ -276,9 +276,11 @@ def test_faces_that_deviate_more_than_stated_are_noticed(solid, images):
         )
         for mm in (0.1, 0.01)
     }
-    assert not any("faces deviate" in note for note in found[0.1].notes)
-    notes = [note for note in found[0.01].notes if "faces deviate by about" in note]
+    assert not any("deviate" in note for note in found[0.1].notes)
+    notes = [note for note in found[0.01].notes if "faces seem to deviate by about" in note]
     assert all("not by 0.01 mm as stated" in note for note in notes)
+    # the cause may also be what is stated of edges
+    assert all("or edges are not sharp as taken here (stated as sharp)" in note for note in notes)
     assert notes
     # as it was registered again, the hole's true deviation is still within U
     left = found[0.01]["left"]

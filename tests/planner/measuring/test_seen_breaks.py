@@ -132,6 +132,12 @@ def test_a_break_within_what_is_stated_is_not_told():
     )
     (wrong,) = seen_notes(seen, SHARP)
     assert wrong.endswith("and they are stated as sharp: measured as stated")
+    small = EdgeState(0.1, 0.1, True)
+    (wrong,) = seen_notes(seen, small)
+    assert wrong.endswith("and they are stated as broken by 0.1 mm: measured as stated")
+    # rendered edges are sharp: they look broken because a break is stated
+    assert seen_notes(seen, small, is_drawn_sharp=True) == []
+    assert seen_notes(seen, EdgeState(), is_drawn_sharp=True) == [unstated]
 
 
 class Beside:

@@ -74,6 +74,14 @@ def test_a_width_that_no_image_shows_is_read_from_two(results):
     assert any("no image shows all of it" in note for note in width.notes)
     assert f"the plan does not inspect it: {WHY}" in width.notes
     assert [result.name for result in results if result.is_planned] == ["left", "right"]
+    # a record of its own, whatever the words are
+    reworded = {
+        result.name: replace(result, notes=(), reason=result.reason and "none")
+        for result in results
+    }
+    assert verdict(replace(results, results=reworded)) == verdict(results)
+    rows = results.to_dict()["results"]
+    assert [row["planned"] for row in rows] == [result.is_planned for result in results]
     counts = (
         "2 of 2 planned targets measured in 2 images; 2 more are not planned, 2 of them measured."
     )

@@ -11,6 +11,7 @@ import pytest
 from browser import Browser, needs_browser
 from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
 
+from errors.measurands import Decision
 from planner import Registration, measure, measured_html
 from planner.measuring.results import UnseenBreaks, number_text
 from planner.measuring.samples import State
@@ -209,27 +210,74 @@ def test_ten_targets_fit_on_six_pages(results, tmp_path):
 
 
 @needs_browser
-def test_where_rows_are_stacked_a_reason_is_labelled_as_one(results, tmp_path):
-    """A value keeps the label of its picture; a value without one has its reason there."""
-    lost = replace(results["left"], value=np.nan, reason="no image shows it")
+def test_no_table_is_wider_than_the_page(results, tmp_path):
+    """Every column is full, and names and reasons are long."""
+    long = {
+        f"Linear Size.11 [{k} of 30]": replace(
+            result, name=f"Linear Size.11 [{k} of 30]", foreseen_uncertainty=0.01
+        )
+        for k, result in enumerate([*results, *results])
+    }
     path = tmp_path / "report.html"
-    mixed = {"left": lost, "right": results["right"]}
-    path.write_text(measured_html(replace(results, results=mixed)), "utf-8")
-    rows = "[...document.querySelector('table.stack').tBodies[0].rows]"
-    cell = f"{rows}.map((row) => row.cells[row.cells.length - 2])"
-    label = "getComputedStyle(cell, '::before').content"
+    path.write_text(measured_html(replace(results, results=long)), "utf-8")
     folder = tmp_path / "profile"
     browser = Browser(folder)
+    over = "Math.max(...[...document.querySelectorAll('.scroll')].map((e) => e.scrollWidth - e.clientWidth))"
     try:
-        phone = browser.page(path, 400, 900)
-        labels = phone.run(f"{cell}.map((cell) => [cell.textContent.trim(), {label}])")
-        wide = browser.page(path, 1200, 900)
-        assert wide.run(f"{cell}.map((cell) => {label})") == ["none", "none"]
+        wider = {
+            width: browser.page(path, width, 900).run(over) for width in (400, 760, 1000, 1280)
+        }
     finally:
         browser.close()
         shutil.rmtree(folder, ignore_errors=True)
-    assert labels[0] == ["no image shows it", '"Reason "']
-    assert labels[1][1] == '"Tolerance, guard bands, value ± U "'
+    assert wider == dict.fromkeys((400, 760, 1000, 1280), 0)
+
+
+def table_of(page):
+    """The headings, and the texts of the cells of each row."""
+    table = page[page.index("<table") : page.index("</table>")]
+    head, body = table.split("</thead>")
+    rows = [re.findall(r"<td[^>]*>(.*?)</td>", row, re.DOTALL) for row in body.split("<tr")[1:]]
+    return re.findall(r"<th[^>]*>(.*?)</th>", head), rows
+
+
+def test_a_reason_stands_below_its_row_over_all_columns(results):
+    """In the column of the pictures it was as narrow as a word."""
+    lost = replace(results["left"], value=np.nan, reason="no image shows it")
+    page = measured_html(replace(results, results={"left": lost, "right": results["right"]}))
+    heads, rows = table_of(page)
+    assert [len(row) for row in rows] == [len(heads), 1, len(heads)]
+    assert rows[1] == ["Reason: no image shows it"]
+    assert f'<td colspan="{len(heads)}">Reason: no image shows it' in page
+
+
+def test_without_any_tolerance_no_column_is_about_one(results, capsys):
+    free = {
+        result.name: replace(result, tolerance=None, decision=Decision.NO_TOLERANCE)
+        for result in results
+    }
+    print_results(replace(results, results=free))
+    printed = capsys.readouterr().out
+    assert "decision" not in printed.splitlines()[0]
+    heads, rows = table_of(measured_html(replace(results, results=free)))
+    assert heads[1] == "Nominal"
+    assert not any("olerance" in head or "Accepted" in head for head in heads)
+    assert all(len(row) == len(heads) for row in rows)
+    heads, _ = table_of(measured_html(results))
+    assert {"Nominal, tolerance", "Accepted deviation"} < set(heads)
+
+
+def test_both_uncertainties_are_named_and_an_interval_is_explained(results):
+    foreseen = {result.name: replace(result, foreseen_uncertainty=0.01) for result in results}
+    page = measured_html(replace(results, results=foreseen))
+    heads, _ = table_of(page)
+    assert heads[4:6] == ["U measured (k = 2)", "U foreseen by the plan"]
+    assert "U measured is that of these images, and decides." in page
+    assert "is not the value ± U" not in page
+    axis = replace(foreseen["left"], kind="coaxiality", interval=(0.0, 0.03), tolerance=(0.0, 0.1))
+    page = measured_html(replace(results, results={"left": axis}))
+    assert "is not the value ± U" in page
+    assert "Coaxiality " in page
 
 
 def test_images_with_one_fault_are_told_of_once(results, capsys):

@@ -36,6 +36,7 @@ from planner.report.wording import (
     incumbent_line,
     light_sentence,
     not_shown_texts,
+    promise_sentence,
     simulation_sentence,
     stopped_note,
     unstated_edges_text,
@@ -438,7 +439,16 @@ def test_a_stretch_is_named_by_percentages(name, words):
 def test_lengths_are_said_to_be_planned_as_sharp():
     """U of `measure` was up to five times that of the plan, as breaks of 0.05 mm may move both ends."""
     lengths = plan()
-    text = "planned as sharp; 'measure' assumes breaks of up to 0.05 mm, so its U of lengths will be larger"
+    text = (
+        "planned as sharp, and P holds for that; 'measure' assumes breaks of up to 0.05 mm, so its U of lengths will "
+        "be larger"
+    )
     assert brief_edges_text(lengths) == f"{text}. State --edges to 'measure'"
     stated = replace(lengths, request=replace(lengths.request, edge_break_mm=(0.0, 0.0)))
     assert text not in brief_edges_text(stated)
+    # P and the U of `measure` are for different edges, where both are named
+    differing = (
+        "P takes edges as sharp, but 'measure' assumes breaks of up to 0.05 mm where none is stated"
+    )
+    assert differing in promise_sentence(lengths)
+    assert differing not in promise_sentence(stated)

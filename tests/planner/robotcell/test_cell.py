@@ -529,7 +529,7 @@ def test_a_camera_mounted_near_its_own_wrist_may_stay_there():
         assert cell.free(q[None], "up").all()
         assert cell.slack_bound(q[None], "up")[0] > 0
     assert cell.near_by_mount == (
-        "camera is mounted 3 mm from link_5, clearance 10: these two must only not touch",
+        "camera is mounted 3 mm from link_5, nearer than clearance_mm = 10 mm: these two must only not touch",
     )
     assert near_wrist(11.0, home=HOME).near_by_mount == ()
 
@@ -546,7 +546,7 @@ def test_what_home_is_too_near_to_is_told_in_mm():
     assert robot.forward(looks_down)[2, 2] == pytest.approx(-1.0)
     front = robot.forward(looks_down)[:3, 3] - [0.0, 0.0, 70.0]
     box = Box((front - [50, 50, 53]).tolist(), (front - [-50, -50, 3]).tolist())
-    with pytest.raises(RobotError, match="Got camera is 3 mm from block, clearance 10"):
+    with pytest.raises(RobotError, match="Got camera is 3 mm from block; 10 mm are required"):
         near_wrist(30.0, home=looks_down, obstacles={"block": box})
 
 
