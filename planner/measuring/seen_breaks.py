@@ -501,9 +501,13 @@ def _agreed(
 
 
 def pixel_mm(camera: Camera, solid: Solid, poses: Sequence[Array]) -> float:
-    """Return how much a pixel is in the middle of a part, mm; the median of poses (4, 4), and 0 without any."""
+    """Return how much a pixel is in the middle of a part, mm; the median of poses (4, 4), and 0 without any.
+
+    Where the middle is nearer than what is sharp, or behind the camera, as of a large part, it is that of sharp places.
+    """
     middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
-    depths = [float((middle - pose[:3, 3]) @ pose[:3, 2]) for pose in poses]
+    nearest = camera.depth_of_field_mm[0]
+    depths = [max(float((middle - pose[:3, 3]) @ pose[:3, 2]), nearest) for pose in poses]
     if not depths:
         return 0.0
     return float(max(camera.pixel_pitch_mm)) / camera.image_distance_mm * float(np.median(depths))

@@ -18,6 +18,7 @@ from planner.measuring.seen_breaks import (
     _between_flat,
     _Sections,
     distance_of_steps,
+    pixel_mm,
     seen_notes,
 )
 from planner.request.edge_state import SHARP, EdgeState
@@ -189,6 +190,20 @@ def agreed(shown):
 def test_edges_agree_on_one_size_or_on_one_radius(shown, limits):
     seen = agreed([*shown, None, None])
     assert (seen and seen.limits_mm) == limits
+
+
+def test_a_pixel_is_at_least_as_large_as_at_the_nearest_sharp_place():
+    """A camera within a large part may look past its middle: 8 mm, 0.00345 mm pitch, sharp from 266 mm on."""
+    camera = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 300.0)
+    solid = plate.thick_plate()
+    away = np.eye(4)
+    away[:3, 3] = [40.0, 25.0, 500.0]
+    nearest, _ = camera.depth_of_field_mm
+    expected = 0.00345 * nearest / camera.image_distance_mm
+    assert pixel_mm(camera, solid, [away]) == pytest.approx(expected)
+    away[2, 3] = -300.0
+    middle = 300.0 + solid.vertices[:, 2].max() / 2
+    assert pixel_mm(camera, solid, [away]) == pytest.approx(expected * middle / nearest)
 
 
 def test_profiles_end_where_a_round_face_the_background_or_a_shadow_begins():
