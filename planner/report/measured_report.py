@@ -35,7 +35,6 @@ from planner.measuring.samples import STATE_TEXTS, State
 from planner.measuring.seen_breaks import U_HOLDS
 from planner.report.tables import CellLine
 from planner.request.dimension import POSITIONS
-from planner.request.edge_state import UNSTATED_MM
 from planner.request.words import amount_text
 from planner.text_table import (
     Column,
@@ -557,11 +556,7 @@ def _interval_explanation(results: MeasurementResults) -> str:
 def _break_explanation(results: MeasurementResults) -> str:
     if results.unseen is None:
         return ""
-    return (
-        " The state of the edges is not stated. U holds for edges that are sharp within "
-        f"{UNSTATED_MM:g} mm. Images may not show breaks of up to {results.unseen.limit_mm:.2g} mm: the table says "
-        "how large U is with them, in red where the decision is then open."
-    )
+    return " U with breaks is red where the decision would be open with breaks that images may not show."
 
 
 def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
