@@ -19,7 +19,7 @@ from plan_examples import plan
 from aspectgraph import AspectGraphError, PartFileNotFoundError, ReadError, SolidError, read_solid
 from errors.exceptions import MeasurementModelError
 from ga.exceptions import GAError
-from planner import Camera, camera_names, light_names, optics
+from planner import Camera, camera_names, light_names, lights
 from planner.app.checks import in_words_of_shell
 from planner.app.main import main
 from planner.app.options import COMMANDS, Plan, rules_of, texts_of
@@ -456,7 +456,7 @@ def test_the_light_that_suffices_is_named(capsys, monkeypatch):
         LightShows("coaxial", "a window", ("e1", "e2"), {"e3": "it is dark."}),
         LightShows("backlight", "a rectangle", ("e3",), {"e1": "it is dark.", "e2": "it is dark."}),
     ]
-    monkeypatch.setattr(optics, "compare_lights", lambda *_, **__: tuple(shows))
+    monkeypatch.setattr(lights, "compare_lights", lambda *_, **__: tuple(shows))
     assert main(LIGHTS_OF) == INCOMPLETE
     text = capsys.readouterr().out
     assert "coaxial    2 of 3  e3" in text

@@ -180,7 +180,7 @@ def test_u_with_unseen_breaks_is_marked_where_the_decision_is_then_open(results)
     unseen = UnseenBreaks(0.16, wider, ("left",))
     page = measured_html(replace(results, unseen=unseen))
     assert "U with breaks to 0.16 mm" in page
-    assert "Images may not show breaks of up to 0.16 mm" in page
+    assert "U with breaks is red where the decision would be open" in page
     wanted = number_text(wider["left"], wider["left"])
     assert re.findall(r'<span class="bad">([0-9.]+)</span>', page) == [wanted]
     assert "U with breaks" not in measured_html(replace(results, unseen=None))
