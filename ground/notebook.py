@@ -71,7 +71,7 @@ class NotebookView:
         Below the sentences; none without rows.
     items : mapping of str to str
         A list below the tables: names, and what is said of them.
-    details, third : NotebookTable or None
+    details : sequence of NotebookTable
         Tables below the first; none without rows.
     """
 
@@ -79,12 +79,11 @@ class NotebookView:
     lines: Sequence[str | Toned] = ()
     table: NotebookTable | None = None
     items: Mapping[str, str] = field(default_factory=dict)
-    details: NotebookTable | None = None
-    third: NotebookTable | None = None
+    details: Sequence[NotebookTable] = ()
 
     def html(self) -> str:
         """Return a part of a page that needs nothing else; every text is escaped."""
-        tables = (self.table, self.details, self.third)
+        tables = (self.table, *self.details)
         page = render(
             "ground",
             "notebook.html",

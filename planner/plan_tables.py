@@ -271,8 +271,7 @@ class PlanTables(ShownInNotebook):
             (self._verdict(), self._caption(), *self._light_lines(), *self._edges_lines()),
             NotebookTable(headings, rows, right=(0,)),
             self.uninspectable,
-            self._measured_table(),
-            self._arm_table(),
+            [table for table in (self._measured_table(), self._arm_table()) if table is not None],
         )
 
     def _arm_table(self) -> NotebookTable | None:
