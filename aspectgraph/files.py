@@ -11,7 +11,7 @@ import re
 import shutil
 import stat
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cache
@@ -424,6 +424,9 @@ def numbers_of(parameter: str, name: str, entries: Sequence[SolidEntry]) -> list
     )
 
 
+_OF_SOLIDS = "must be numbers or names of solids"
+
+
 def _label_among(name: str, k: int, entry: SolidEntry) -> str:
     return f"{name}:{k} ({entry.number})"
 
@@ -462,13 +465,13 @@ class SolidChoice:
 
     def __post_init__(self) -> None:
         if self.measured is not None:
-            object.__setattr__(self, "measured", _solids("solids", self.measured))
+            object.__setattr__(self, "measured", listed_solids("solids", self.measured))
         if isinstance(self.occluders, str) and self.occluders != "all":
             raise ReadError.of_rule(
                 "occluders", "must be 'all', or a list of numbers or names", repr(self.occluders)
             )
         if self.occluders != "all":
-            object.__setattr__(self, "occluders", _solids("occluders", self.occluders))
+            object.__setattr__(self, "occluders", listed_solids("occluders", self.occluders))
         elif self.measured is None:
             raise ReadError.of_rule(
                 "occluders",
@@ -547,15 +550,29 @@ def _in_numbers(
     return numbers
 
 
-def _solids(parameter: str, solids: Any) -> tuple[int | str, ...]:
-    """Return solids as numbers and names; a single one stands for itself, and text is one name."""
+def listed_solids(parameter: str, solids: Any) -> tuple[int | str, ...]:
+    """Return solids as numbers and names; a single one stands for itself, and text is one name.
+
+    Parameters
+    ----------
+    parameter : str
+        What the caller knows them as.
+    solids : int, str, or iterable of these
+        The solids.
+
+    Raises
+    ------
+    ReadError
+        One is neither a number nor a name.
+    """
+    if isinstance(solids, Mapping):
+        raise ReadError.of_rule(parameter, _OF_SOLIDS, repr(solids))
     single = isinstance(solids, str | bytes) or not isinstance(solids, Iterable)
     checked: list[int | str] = []
     for solid in (solids,) if single else solids:
         is_number = isinstance(solid, Integral) and not isinstance(solid, bool)
         if not is_number and not isinstance(solid, str):
-            rule = "must be numbers or names of solids"
-            raise ReadError.of_rule(parameter, rule, repr(solid))
+            raise ReadError.of_rule(parameter, _OF_SOLIDS, repr(solid))
         checked.append(int(solid) if is_number else solid)
     return tuple(checked)
 
@@ -564,4 +581,4 @@ def as_choice(solids: int | str | Sequence[int | str] | SolidChoice | None) -> S
     """Return a choice as a `SolidChoice`."""
     if isinstance(solids, SolidChoice):
         return solids
-    return SolidChoice(None if solids is None else _solids("solids", solids))
+    return SolidChoice(None if solids is None else listed_solids("solids", solids))

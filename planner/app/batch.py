@@ -14,7 +14,6 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from difflib import get_close_matches
 from functools import cached_property
 from importlib import import_module
-from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -26,7 +25,8 @@ from aspectgraph import (
     select_entities,
 )
 from aspectgraph.entities.entity_rules import check_selection, csv_text
-from aspectgraph.exceptions import MissingExtraError, how_to_install
+from aspectgraph.exceptions import MissingExtraError, ReadError, how_to_install
+from aspectgraph.files import listed_solids
 from aspectgraph.read.mesh import check_units
 from aspectgraph.read.part_file import MESH_SUFFIXES, STEP_SUFFIXES
 from aspectgraph.visibility.visibility_regions import KeptRegions
@@ -45,7 +45,6 @@ from planner.argument_kinds import (
     check_kinds,
     check_number,
     check_path,
-    shown,
 )
 from planner.callbacks import (
     FORESEEN_SHARE,
@@ -272,16 +271,13 @@ class PartRequest:
 
 def _checked_solids(solids: Any) -> list[int | str]:
     """Return numbers or names of solids as a list, or raise `RequestError`."""
-    chosen = [solids] if isinstance(solids, str | Integral) else solids
-    is_list = isinstance(chosen, Sequence) and bool(chosen)
-    if not is_list or not all(_is_solid(solid) for solid in chosen):
-        rule = "must be a number or name of a solid, or a list of these"
-        raise RequestError.of_rule("solids", rule, shown(solids))
-    return [solid if isinstance(solid, str) else int(solid) for solid in chosen]
-
-
-def _is_solid(value: Any) -> bool:
-    return isinstance(value, str | Integral) and not isinstance(value, bool)
+    try:
+        chosen = listed_solids("solids", solids)
+    except ReadError as error:
+        raise RequestError.of_rule("solids", error.rule, error.got) from error
+    if not chosen:
+        raise RequestError.of_rule("solids", "must hold at least one item", "none")
+    return list(chosen)
 
 
 def limits_of(options: InspectionOptions) -> dict[str, Any]:

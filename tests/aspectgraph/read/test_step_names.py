@@ -190,7 +190,7 @@ def test_other_files_have_no_list(tmp_path):
         list_solids(EXAMPLES / "two_pocket_block.off")
 
 
-@pytest.mark.parametrize("solids", [1.5, [1.5], True, b"bolt", ["bolt", None], [[0]]])
+@pytest.mark.parametrize("solids", [1.5, [1.5], True, b"bolt", ["bolt", None], [[0]], {"bolt": 1}])
 @pytest.mark.parametrize("parameter", ["solids", "occluders"])
 def test_solids_are_numbers_or_names(solids, parameter):
     given = {"measured" if parameter == "solids" else parameter: solids}

@@ -181,7 +181,7 @@ def test_solids_are_chosen_in_every_part(request_, tmp_path):
 
 @pytest.mark.parametrize("solids", [[], 1.5, True, [None], {"a": 1}])
 def test_solids_that_are_none_are_refused(request_, solids):
-    rule = "solids must be a number or name of a solid, or a list of these. Got "
+    rule = r"solids must (be numbers or names of solids|hold at least one item)\. Got "
     with pytest.raises(RequestError, match=rule):
         replace(request_, solids=solids)
 
