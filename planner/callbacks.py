@@ -146,10 +146,15 @@ class Deadline:
         return max(share * self._limit - (time.monotonic() - self._begin), 1e-3)
 
     def of_settling(self) -> float:
-        """Return when settings are no longer moved off their limits after the time is up, as `time.time` counts."""
+        """Return when settings are no longer moved off their limits after the time is up, as `time.time` counts.
+
+        That is now where the least time does not fit any more.
+        """
         now = time.time()
         latest = self._wall_begin + self._latest + _FIRST_PLAN_BEYOND_S
-        return min(now + max(SETTLING_SHARE * self._limit, LEAST_SETTLING_S), max(latest, now))
+        if now + LEAST_SETTLING_S > latest:
+            return now
+        return min(now + max(SETTLING_SHARE * self._limit, LEAST_SETTLING_S), latest)
 
     def time_left(
         self, share: float = 1.0, least_s: float = 0.0, *, later_s: float = 0.0

@@ -14,6 +14,7 @@ import numpy as np
 from ground.shared import Shared
 from planner.camera.pose import pose_between
 from planner.exceptions import InfeasibleError
+from planner.executors import check_on_the_way
 from planner.request.problem import Problem
 from planner.request.registration import PoseKnowledge
 from planner.search.columns import Judge, perturbed
@@ -497,6 +498,8 @@ def simulate_promises(
         *((name,) for name in composed),
     ):
         if names:
+            # of hundreds of dimensions, all of them take long
+            check_on_the_way()
             posed = PosedOnly(cam2world, names, {name: stated[name] for name in names})
             excess.update(promised_too_much(judge, posed, seed))
     upheld = tuple(name for name in stated if excess[name] <= 0.0)
@@ -615,6 +618,7 @@ def centre_setting(
     late = time.time() > until
     if late and is_counted(setting):
         return setting
+    before = setting
     loses = _Losses(judge, setting, seed, centring.give_up)
     for pose in () if late else _off_limits(judge, setting, seed, centring):
         if time.time() > until:
@@ -622,9 +626,13 @@ def centre_setting(
         if not _inspects(judge, pose, setting.entities):
             continue
         moved = setting_at(judge.problem, pose, setting.entities, _MOVED, seed=setting.seed)
-        if not loses(moved):
+        if loses(moved):
+            continue
+        if time.time() <= until:
             setting = best_supported(judge, [moved, setting], seed, settings).setting
-            break
+        break
+    if until < math.inf and setting is before and is_counted(setting):
+        return setting
     return with_p_all(judge, setting, seed, poses)
 
 

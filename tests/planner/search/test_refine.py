@@ -1,6 +1,7 @@
 """The margin step: as far from the limits as it can be, at no cost in probability that was not agreed to."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -224,3 +225,19 @@ def test_a_search_nearby_comes_last(furthest_mm, way_mm, monkeypatch):
     near = look_at([[152.0, 0.0, 460.0]], [152.0, 0.0, 60.0])[0]
     setting = moved_to(furthest_mm, monkeypatch, (MIDDLE, near))
     assert START_CENTRE_COLUMN[0, 3] - setting.cam2world[0, 3] == pytest.approx(way_mm)
+
+
+def test_a_setting_whose_time_is_up_stays_and_is_not_counted_again(monkeypatch):
+    """The search for a better pose takes all of the time, so there is none to find out what that pose promises."""
+    clock = itertools.count()
+    monkeypatch.setattr(centre_column.time, "time", lambda: next(clock))
+    monkeypatch.setattr(centre_column, "centred", lambda *arguments: MIDDLE)
+    bare = setting_at(REQUEST, START_CENTRE_COLUMN, (NAME,), "given")
+    # what is counted is below, so another count would show
+    counted = replace(bare, p_all={NAME: 0.5}, p_all_together=0.5, p_all_poses=1000)
+    judge = Shared(Judge(REQUEST, Effort()))
+    assert centre_setting(judge, counted, 0, 1000, Centring.of(Effort()), until=1.5) == counted
+    clock = itertools.count()
+    stays = centre_setting(judge, bare, 0, 1000, Centring.of(Effort()), until=1.5)
+    assert np.array_equal(stays.cam2world, START_CENTRE_COLUMN)
+    assert stays.p_all[NAME] > 0.5

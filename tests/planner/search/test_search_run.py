@@ -413,6 +413,15 @@ def test_a_plan_ends_at_its_limit_and_without_one_the_search_soon_after(monkeypa
     assert not Deadline().of_search().limited
 
 
+@pytest.mark.parametrize(("passed_s", "settling_s"), [(4.0, 0.7), (5.2, 0.7), (5.5, 0.0)])
+def test_settings_are_moved_only_where_the_least_time_fits(passed_s, settling_s, monkeypatch):
+    """A limit of 5 s leaves 1 s beyond it: 0.7 s fit until 5.3 s."""
+    monkeypatch.setattr(callbacks.time, "monotonic", lambda: 1000.0)
+    monkeypatch.setattr(callbacks.time, "time", lambda: 8000.0)
+    deadline = Deadline(time_limit_s=5.0, begun=1000.0 - passed_s)
+    assert deadline.of_settling() - 8000.0 == pytest.approx(settling_s)
+
+
 def test_tasks_of_other_processes_end_when_the_search_does(monkeypatch):
     clock = [1000.0]
     monkeypatch.setattr(callbacks.time, "monotonic", lambda: clock[0])
