@@ -6,6 +6,10 @@ lazy_loader.
 
 from __future__ import annotations
 
+import dataclasses
+import inspect
+import types
+import typing
 from collections.abc import Callable
 from typing import Any
 
@@ -34,7 +38,12 @@ def face(
             return project_version()
         if name not in names:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return attribute(name)
+        value = attribute(name)
+        if isinstance(value, type) and (
+            dataclasses.is_dataclass(value) or hasattr(value, "_fields")
+        ):
+            _show_plain_types(value)
+        return value
 
     def public() -> list[str]:
         """List the public names only."""
@@ -56,3 +65,64 @@ def project_version() -> str:
         return version("aspectgraph")
     except PackageNotFoundError:
         return "unknown"
+
+
+@dataclasses.dataclass(frozen=True)
+class _Words:
+    """A type as signatures show it."""
+
+    words: str
+
+    def __repr__(self) -> str:
+        return self.words
+
+
+def _show_plain_types(record: type) -> None:
+    """Let ``help`` show the types of a record's fields without the rules of files, which only the reader needs."""
+    if "__signature__" in vars(record):
+        return
+    try:
+        hints = typing.get_type_hints(record)
+    except NameError:
+        # of what only type checkers import
+        return
+    maker: Any = record.__init__ if dataclasses.is_dataclass(record) else record.__new__
+    signature = inspect.signature(maker)
+    parameters = [
+        parameter.replace(annotation=_Words(words_of(hints[name]))) if name in hints else parameter
+        for name, parameter in signature.parameters.items()
+    ]
+    maker.__signature__ = signature.replace(parameters=parameters)
+    record.__signature__ = inspect.Signature(parameters[1:])  # type: ignore[attr-defined]
+
+
+def words_of(hint: Any) -> str:
+    """Return a type in the words of a docstring: ``"tuple[float, float] | None"``, ``"ndarray"``.
+
+    Parameters
+    ----------
+    hint : type or generic alias
+        As `typing.get_type_hints` returns it.
+    """
+    from numpy.typing import ArrayLike
+
+    kind = typing.get_origin(hint)
+    if hint == ArrayLike:
+        return "ArrayLike"
+    if kind in (typing.Union, types.UnionType):
+        return " | ".join(words_of(item) for item in typing.get_args(hint))
+    if hint is type(None):
+        return "None"
+    if kind is typing.Literal:
+        return f"Literal[{', '.join(map(repr, typing.get_args(hint)))}]"
+    name = getattr(kind or hint, "__name__", str(hint))
+    arguments = typing.get_args(hint)
+    if not arguments or name == "ndarray":
+        return str(name)
+    return f"{name}[{', '.join(map(_argument, arguments))}]"
+
+
+def _argument(hint: Any) -> str:
+    if hint is ...:
+        return "..."
+    return f"[{', '.join(map(words_of, hint))}]" if isinstance(hint, list) else words_of(hint)
