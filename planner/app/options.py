@@ -1040,6 +1040,9 @@ class Batch(
     localisation
         error of points in the image: rounding, gaussian[:SIGMA[:FLOOR]] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px;
         FLOOR does not average out (default: rounding, with --dimensions gaussian:0.1:0.05)
+    solids
+        solids to measure of each STEP file, by number or name (default: all); a name with commas, or of digits, stands
+        in double quotes: '"12"'
     jobs
         parts to plan at a time, at most one per core
     scheduler
@@ -1053,6 +1056,7 @@ class Batch(
     select: Annotated[str | None, _named("RULE")] = None
     all: bool = False
     dimensions: Annotated[str | None, _named("all|FOLDER")] = None
+    solids: Annotated[Any, value(solid_names, "N|NAME,...")] = None
     scheduler: Annotated[str | None, _named("ADDRESS")] = None
 
 

@@ -701,6 +701,7 @@ def _request_of_parts(options: Batch) -> PartRequest:
         effort=effort if options.give_up is None else effort.giving_up(options.give_up),
         limits=limits_of(limits),
         dimensions=choice,
+        solids=options.solids,
     )
 
 

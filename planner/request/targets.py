@@ -889,7 +889,8 @@ class PlannedDimension(Target):
         if share > 1.0:
             return f"No share of the tolerance would do there. {limit}".rstrip()
         error = share * half_width(self.kind, self.tolerance)
-        return f"An error of up to {amount_text(f'{error:.4g}', self.unit)}, a share of {share:g}, would do there."
+        amount = amount_text(f"{error:.4g}", self.unit)
+        return f"An error of up to {amount}, a share of {share:g}, would do there. {limit}".rstrip()
 
     def is_limited_by_part(self, budget: Mapping[str, float], required: float) -> bool:
         """Return whether edges and faces of the part alone make the probability too low, for any camera.

@@ -31,7 +31,7 @@ from planner import (
     dimensions_to_plan,
     plan_folder,
 )
-from planner.app import batch
+from planner.app import batch, plan_commands
 from planner.app import batch as scheduler
 from planner.app.batch import (
     PLANNED,
@@ -177,6 +177,19 @@ def test_solids_are_chosen_in_every_part(request_, tmp_path):
     (result,) = plan_folder(parts, tmp_path / "out", chosen, executor=ThreadPoolExecutor(1))
     assert result.targets == 2
     assert read_plan(tmp_path / "out" / "two.step" / "plan.json").source["solids"] == [1]
+
+
+def test_the_command_takes_solids_as_plan_does(parts, tmp_path, monkeypatch):
+    requests = []
+
+    def planned(folder, out, request, **keywords):
+        requests.append(request)
+        return batch.PartResults([])
+
+    monkeypatch.setattr(plan_commands, "plan_folder", planned)
+    start = ["batch", str(parts), "--camera", "basler-acA2440-20gm-8mm", "--sigma-mm", "0.05"]
+    main([*start, "--sigma-rad", "0.001", "--out", str(tmp_path / "out"), "--solids", "0,bolt:2"])
+    assert [request.solids for request in requests] == [[0, "bolt:2"]]
 
 
 @pytest.mark.parametrize("solids", [[], 1.5, True, [None], {"a": 1}])

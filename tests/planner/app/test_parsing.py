@@ -763,6 +763,9 @@ def _with(command, option):
     if (command, option) == ("program", "--out"):
         # it writes a file
         return [command, *needed, option, "nowhere/inspection.script"]
+    if (command, option) == ("batch", "--solids"):
+        # each part says itself whether it has a solid of a name
+        return [command, *needed, option, ","]
     return [command, *needed, option, *BAD[option]]
 
 
