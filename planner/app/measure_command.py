@@ -179,6 +179,11 @@ def _rendered_texts(
             f"edges are drawn sharp, and the plan states that they are {state}; measure these images with "
             "--edges sharp"
         )
+    elif plan.request.edge_break_mm is None and len(broken) < len(breaks):
+        yield (
+            "edges are drawn sharp; 'measure' counts on small breaks, as of a real part, unless --edges sharp says that "
+            "there are none"
+        )
     if broken:
         yield (
             f"edges are drawn sharp, and {count(len(broken), 'target')} of the plan, such as {broken[0]}, count on "

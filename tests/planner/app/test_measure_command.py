@@ -335,11 +335,12 @@ def test_a_rehearsal_says_that_its_edges_are_sharp(folder, capsys):
     name = next(iter(plan.targets))
     own = replace(plan.targets[name], edge_break_mm=(0.02, 0.1))
     changes = {
-        "plain": (plan, 0, 0),
-        "stated": (changed(plan, edge_break_mm=(0.05, 0.1)), 1, 0),
-        "own": (changed(plan, targets=(own, *list(plan.targets.values())[1:])), 0, 1),
+        "plain": (plan, 0, 0, 1),
+        "sharp": (changed(plan, edge_break_mm=(0.0, 0.0)), 0, 0, 0),
+        "stated": (changed(plan, edge_break_mm=(0.05, 0.1)), 1, 0, 0),
+        "own": (changed(plan, targets=(own, *list(plan.targets.values())[1:])), 0, 1, 0),
     }
-    for key, (one, n_stated, n_own) in changes.items():
+    for key, (one, n_stated, n_own, n_assumed) in changes.items():
         path = folder / f"sharp_{key}.json"
         one.write(path)
         words = ["render", str(path), "--part", str(folder / "plate.off"), "--units", "mm"]
@@ -347,6 +348,7 @@ def test_a_rehearsal_says_that_its_edges_are_sharp(folder, capsys):
         text = capsys.readouterr().err
         assert text.count("the plan states that they are broken by 0.05 to 0.1 mm") == n_stated
         assert text.count(f"1 target of the plan, such as {name}, count on broken ones") == n_own
+        assert text.count("'measure' counts on small breaks, as of a real part") == n_assumed
 
 
 @pytest.mark.parametrize(
