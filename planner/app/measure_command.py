@@ -181,8 +181,8 @@ def _rendered_texts(
         )
     elif plan.request.edge_break_mm is None and len(broken) < len(breaks):
         yield (
-            "edges are drawn sharp; 'measure' counts on small breaks, as of a real part, unless --edges sharp says that "
-            "there are none"
+            "edges are drawn sharp; 'measure' counts on small breaks, as of a real part, unless --edges sharp says "
+            "that there are none"
         )
     if broken:
         yield (
