@@ -31,10 +31,10 @@ from planner.light.corner_light import (
     SHARES,
     across,
     corner_lines_of,
-    parts_of,
     points_of_arm,
 )
 from planner.light.reflection import Places
+from planner.request.part_entities import parts_of
 from planner.request.reach import AROUND, Space, observable_where
 from planner.request.reads import Reads
 from planner.request.targets import MeasuredPart, targets_of

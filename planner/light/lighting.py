@@ -52,12 +52,12 @@ from planner.light.corner_light import (
     corners_of,
     demands_of,
     edge_steps,
-    parts_of,
     rays_beside,
     sure_contrast,
 )
 from planner.light.reflection import Glare, Material, Places
 from planner.progress import Progress, TimeIsUpError, labelled, report
+from planner.request.part_entities import parts_of
 from planner.request.reach import PlainReach, Reach, check_reach, reach_margin
 from planner.request.reads import Reads, TargetReads
 from planner.request.targets import targets_of

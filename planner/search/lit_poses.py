@@ -22,12 +22,12 @@ from planner.callbacks import Deadline
 from planner.cover import few_columns
 from planner.executors import checked_by
 from planner.light.area_light import EdgePoints, shown_of_plan
-from planner.light.corner_light import parts_of
 from planner.light.lighting import Lighting, eyes_of
 from planner.light.mounted_light import flat_normals
 from planner.light.plan_light import chosen_lamps
 from planner.plan import InspectionPlan
 from planner.progress import TimeIsUpError, TimeLeft
+from planner.request.part_entities import parts_of
 from planner.request.problem import Problem
 from planner.search.columns import derive_seed, entity_poses, perturbed
 from planner.search.incumbents import SearchRun, as_simulated, assembled

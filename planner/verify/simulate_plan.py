@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from errors.checks import below_one
-from errors.measurands.geometry import Geometry, Line
 from ground.convert import STATED, Meta, from_plain, to_plain
 from ground.short_repr import count
 from planner.argument_kinds import check_callable, check_count, check_kinds
 from planner.camera.camera import Camera
 from planner.detectability.conditions import Detectability
 from planner.detectability.image_check import ImageCheck, Scanned
-from planner.exceptions import PlanFileError, RequestError
+from planner.exceptions import PlanFileError
 from planner.executors import checked_by
 from planner.plan_file import Count, Draws, Fraction
 from planner.progress import Progress, TimeIsUpError, TimeLeft, report
 from planner.request.camera_limits import check_seed
+from planner.request.part_entities import parts_of
 from planner.request.targets import EdgeTarget, Target, targets_of
 from planner.verify.simulate_setting import (
     CONTRADICTED,
@@ -152,37 +152,20 @@ def _image_check(
     scanned: list[list[Scanned]] = []
     for k, name in enumerate(names):
         target = targets[name]
+        entities = parts_of(target, solid, name)
         if isinstance(target, EdgeTarget):
             ends[k] = target.ends
-            edge_ids.append(_edges_of(solid, [target.ends]))
+            edge_ids.append(entities[0].edge_ids)
             scanned.append([])
         else:
             edge_ids.append(None)
             scanned.append(
                 [
-                    Scanned.of(_edges_of(solid, _names_of(entity, geometry)), geometry)
-                    for entity, geometry in zip(target.entities, target.geometry, strict=True)
+                    Scanned.of(entity.edge_ids, geometry)
+                    for entity, geometry in zip(entities, target.geometry, strict=True)
                 ]
             )
     return ImageCheck(solid, edge_ids, ends, camera, showing, scanned, only_outlines=only_outlines)
-
-
-def _names_of(entity: str, geometry: Geometry) -> list[Any]:
-    """Return what may name an entity: its id, or the ends of an edge that was given by them."""
-    return [entity, (geometry.p, geometry.q)] if isinstance(geometry, Line) else [entity]
-
-
-def _edges_of(solid: Solid, names: Sequence[Any]) -> tuple[int, ...]:
-    """Return the edges of an entity, by the first of its names that the part knows."""
-    from aspectgraph import resolve_entities
-    from aspectgraph.exceptions import EntityError
-
-    for name in names:
-        try:
-            return tuple(resolve_entities(solid, {"entity": name})["entity"].edge_ids)
-        except EntityError as error:
-            unknown = error
-    raise RequestError(f"solid must be the plan's part. {unknown}") from unknown
 
 
 _CONFIDENCE = 0.99

@@ -22,11 +22,12 @@ from errors.measurands import Circle, Line
 from planner import InspectionOptions, RequestError, RingSpace, SphereRegion, plan_light
 from planner.light import plan_light as fewest
 from planner.light.area_lights import AREA_LIGHTS
-from planner.light.corner_light import LampSets, demands_of, parts_of, seen_as, sites_of
+from planner.light.corner_light import LampSets, demands_of, seen_as, sites_of
 from planner.light.light_plan import LightPlan
 from planner.light.lighting import LampBox, LampDome, Lighting, Served
 from planner.light.plan_light import LampSearch
 from planner.progress import TimeIsUpError, TimeLeft
+from planner.request.part_entities import parts_of
 from planner.request.targets import edge_target
 
 AROUND = LampBox((-500, -500, -500), (580, 550, 560))

@@ -11,8 +11,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from holed_plate import CAMERA as WIDE
+from holed_plate import HOLES, holed_plate, upper_rims
 from lit_parts import block
-from plan_examples import UNCERTAINTY, plan, setting
+from plan_examples import UNCERTAINTY, changed, plan, setting
 from shapely import LineString
 
 from aspectgraph import read_solid
@@ -29,6 +31,7 @@ from planner import (
 from planner.camera.pose import world_to_cam
 from planner.progress import TimeLeft
 from planner.report.wording import shown_sentence, unshown_texts
+from planner.request.resolve import resolve_wanted
 from planner.rows import WarningKind, measured_rows
 from planner.verify.simulate_plan import (
     MOST_POSES,
@@ -189,6 +192,20 @@ def test_who_asks_for_nothing_gets_nothing():
         uninspectable=dict.fromkeys(plan().entities, "hidden"),
     )
     assert empty.simulate(100, solid=block()).shown is None
+
+
+@pytest.mark.parametrize("name", ["left", "right", "bore"])
+def test_a_name_says_nothing_about_the_id_of_a_rim(name):
+    """As a file names the left rim: by its id, by that of the other one, or by a word. The images are the same."""
+    plate = holed_plate()
+    left, right = upper_rims(plate)
+    name = {"left": left, "right": right}.get(name, name)
+    _, targets = resolve_wanted(plate, {name: left}, 0.98)
+    ((x, y), _) = HOLES["left"]
+    above = setting((x, y, 410.0), [name], (x, y, 10.0))
+    seen = changed(frontal(1.0), targets=targets, settings=(above,), uninspectable={}, camera=WIDE)
+    # the lower rim is 8 mm - 8 mm · 400 / 410 inside, 1.1 px
+    assert count_shown(seen, plate, 50, 0).counts == ({name: 50},)
 
 
 def test_another_part():
