@@ -10,7 +10,7 @@ for it, as in rendered images. Without a planned registration, edges tell the po
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from errors.measurands import Circle, Decision, DecisionRule, decide
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX, Localisation, is_short
 from errors.measurands.measurand import COVERAGE
+from errors.measurands.position import Position
 from planner.executors import check_on_the_way, checked_by
 from planner.measuring.breaks import (
     BreakShift,
@@ -47,7 +48,8 @@ from planner.verify.setting_record import Measurement, measurements
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
-    from errors.measurands.geometry import Frame
+    from errors.measurands.geometry import Frame, Geometry
+    from errors.measurands.measurand import Measurand
     from planner.camera.camera import Camera
     from planner.measuring.samples import Samples
     from planner.plan import InspectionPlan
@@ -64,6 +66,8 @@ _NOT_FORESEEN = (
 _APART_PX = 5.0
 # that have a distance from each other
 _FEWEST_POINTS = 2
+# in which a position may be off, in half a turn
+_DIRECTIONS = 8
 
 
 def foreseen_uncertainties(
@@ -158,13 +162,12 @@ class _View:
 
 @dataclass(frozen=True)
 class _EntityView:
-    """An entity in an image: its samples (m), their places, px, and how they shift a value (p,)."""
+    """An entity in an image: its samples (m) and their places, px."""
 
     edge: PartEdge
     frame: Frame
     samples: Samples
     points: FoundPoints
-    slope: Array
 
 
 def _lamp(plan: InspectionPlan, number: int, solid: Solid) -> Lamp | None:
@@ -198,10 +201,13 @@ def _foreseen(view: _View, name: str, planned: Measurement, state: EdgeState) ->
     entities = _entities(view, key, target)
     if not entities:
         return None
+    nominal = [_as_designed(entity.edge.geometry) for entity in entities]
     without = _by_points(planned, target.localisation, entities)
     pose = _by_pose(planned) * _pose_share(view.measurer.plan, target.localisation, state)
     without += pose
-    variance = _by_breaks(view, entities, state)
+    variance = max(
+        _by_breaks(view, entities, slopes, state) for slopes in _slopes(target.measurand, nominal)
+    )
     total = COVERAGE * math.sqrt(without + variance)
     wider = total
     limit = 0.0
@@ -234,11 +240,6 @@ def _entities(view: _View, key: str, target: Target) -> list[_EntityView]:
     shown = model.shown(view.pose, view.camera)
     centres = pixels_of(samples.points, view.pose, view.camera)
     samples.apart[:] = shown.apart(edges, samples.edge, centres, _APART_PX)
-    nominal = [np.zeros(2 + isinstance(edge.geometry, Circle)) for edge in edges]
-    for fitted, edge in zip(nominal, edges, strict=True):
-        if isinstance(edge.geometry, Circle):
-            fitted[2] = edge.geometry.radius_mm
-    slopes = slopes_by_fitted(target.measurand, nominal)
     entities = []
     for k, (edge, frame) in enumerate(zip(edges, target.measurand.frames, strict=True)):
         chosen = samples.of(k)
@@ -249,8 +250,30 @@ def _entities(view: _View, key: str, target: Target) -> list[_EntityView]:
         pixels = pixels_of(chosen.points, view.pose, view.camera)
         scale = entity_scale(edge.geometry, frame, chosen.points, across, view.pose, view.camera)
         points = FoundPoints(pixels, across, chosen.points, scale)
-        entities.append(_EntityView(edge, frame, chosen, points, slopes[k]))
+        entities.append(_EntityView(edge, frame, chosen, points))
     return entities
+
+
+def _as_designed(geometry: Geometry) -> Array:
+    """Return what is fitted of an entity (p,) where the part is as designed."""
+    if isinstance(geometry, Circle):
+        return np.array([0.0, 0.0, geometry.radius_mm])
+    return np.zeros(2)
+
+
+def _slopes(measurand: Measurand, nominal: Sequence[Array]) -> Iterator[list[Array]]:
+    """Yield the derivatives of a value by what is fitted of each entity (p,); of a position, in several directions.
+
+    A position is the length of a vector, so it has no derivative as designed, and one in each direction off that.
+    """
+    if not isinstance(measurand, Position):
+        yield slopes_by_fitted(measurand, nominal)
+        return
+    n_components = len(measurand.frame.errors)
+    angles = np.pi * np.arange(_DIRECTIONS if n_components > 1 else 1) / _DIRECTIONS
+    for shares in np.stack([np.cos(angles), np.sin(angles)], axis=1)[:, :n_components]:
+        # the value is twice the length
+        yield slopes_by_fitted(measurand.along(2.0 * shares), nominal)
 
 
 def _by_points(
@@ -292,17 +315,21 @@ def _pose_share(plan: InspectionPlan, localisation: Localisation, state: EdgeSta
     return min((shown / counted) ** 2, 1.0)
 
 
-def _by_breaks(view: _View, entities: Sequence[_EntityView], state: EdgeState) -> float:
-    """Return the variance of a value by broken edges."""
+def _by_breaks(
+    view: _View, entities: Sequence[_EntityView], slopes: Sequence[Array], state: EdgeState
+) -> float:
+    """Return the variance of a value by broken edges, from its derivatives by what is fitted of each entity (p,)."""
     if state.is_sharp:
         return 0.0
-    shifts = [_shift(view, entity, state) for entity in entities]
+    shifts = [
+        _shift(view, entity, slope, state) for entity, slope in zip(entities, slopes, strict=True)
+    ]
     means = np.array([shift.mean for shift in shifts])
     squares = np.array([shift.mean_square for shift in shifts])
     return spread_of(means, squares, state)[1]
 
 
-def _shift(view: _View, entity: _EntityView, state: EdgeState) -> BreakShift:
+def _shift(view: _View, entity: _EntityView, slope: Array, state: EdgeState) -> BreakShift:
     """Return how far the break of an entity shifts a value under the lamp of a setting."""
     pose = view.pose
     points = entity.points
@@ -320,4 +347,4 @@ def _shift(view: _View, entity: _EntityView, state: EdgeState) -> BreakShift:
         middle = samples.points.mean(axis=0)
         near = Faces(samples.points, breaks.normals[:, 0], pose[:3, 3], middle, scene)
         breaks = lit_breaks(breaks, samples, lamp, near, levels, BLUR_PX)
-    return break_shifts(breaks, entity.edge, entity.frame, points, pose, view.camera, entity.slope)
+    return break_shifts(breaks, entity.edge, entity.frame, points, pose, view.camera, slope)

@@ -12,6 +12,7 @@ import pytest
 
 from errors.measurands import Decision
 from planner import Dimension, Measurer, Registration, RequestError, measure
+from planner.measuring.foreseen import foreseen_uncertainties
 from planner.measuring.part_posterior import PartPosterior
 from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.response import JudgedResponse
@@ -209,3 +210,25 @@ def test_a_response_that_is_not_known_makes_a_position_less_sure():
     lost = replace(reading, reason="not found")
     twice = np.array(judged.counted(reading, [lost]).covariance_mm2)
     assert twice == pytest.approx(2 * np.array(reading.covariance_mm2))
+
+
+def test_broken_edges_widen_what_is_foreseen_of_a_position(solid):
+    """2‖e‖ has no derivative where e is 0. Its variance is between 4 times that of one component and of their sum."""
+    hole = plate.upper_rims(solid)[0]
+    wanted = {"hole": position(solid)}
+    for name, edge in zip(ENDS, datum_edges(solid), strict=True):
+        wanted[name] = Dimension.centre_to_edge(hole, edge, tolerance_mm=(-1.0, 1.0))
+    _, targets = resolve_wanted(solid, wanted, 0.99)
+    named = {target.name: target for target in targets}
+    plan = plate.measured_plan(solid, tuple(named), 1, dimensions=named)
+
+    def variances(edges):
+        rows = foreseen_uncertainties(plan, solid, edges)
+        return {row.name: (row.expanded_uncertainty / 2.0) ** 2 for row in rows}
+
+    sharp = variances((0.0, 0.0))
+    broken = variances((0.05, 0.15))
+    by_breaks = {name: broken[name] - sharp[name] for name in named}
+    components = [by_breaks[name] for name in ENDS]
+    assert min(components) > 0.0
+    assert 3.99 * max(components) < by_breaks["hole"] < 4.01 * sum(components)
