@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from planner.rows import Row
 
 
+_ROTATION_VECTOR = ("rotvec_x", "rotvec_y", "rotvec_z")
 _DEG = math.degrees(1.0)
 # what a notebook shows of a plan
 _SHOWN_TARGETS = 12
@@ -142,8 +143,9 @@ class PlanTables(ShownInNotebook):
             ``variance_surfaces`` and ``variance_edge_state`` add up to u² (None for short arcs).
             ``search_window_px`` is the distance to search on either side of the prediction.
             ``warnings`` holds sentences or None. ``reason`` is None in these rows. ``x``, ``y``,
-            ``z`` are the camera's position in mm. ``rx``, ``ry``, ``rz`` are its rotation vector,
-            camera to part, in degrees. ``margin_`` with a constraint's name is the smallest margin
+            ``z`` are the camera's position in mm. ``rotvec_x``, ``rotvec_y``,
+            ``rotvec_z`` are its rotation vector, camera to part, in degrees: no angles about fixed
+            axes, which the report states for robots. ``margin_`` with a constraint's name is the smallest margin
             of the setting. Rows of entities that are not inspected follow, with their reason.
             Unknown values are None. All rows have the same keys.
         """
@@ -414,7 +416,7 @@ def _column(key: str, units: str) -> Column:
     """Return a column of the table: its unit where the key does not end with one, and the digits of its floats."""
     if key in ("x", "y", "z"):
         return Column(key, unit="mm", spec=".4f")
-    if key in ("rx", "ry", "rz"):
+    if key in _ROTATION_VECTOR:
         return Column(key, unit="deg", spec=".5f")
     if key == "nominal":
         return Column(key, unit=units, spec=".9g")
@@ -467,7 +469,7 @@ def _pose(setting: Any) -> dict[str, Any]:
 
     turn = Rotation.from_matrix(setting.cam2world[:3, :3]).as_rotvec() * _DEG
     place = dict(zip(("x", "y", "z"), map(float, setting.position), strict=True))
-    turns = dict(zip(("rx", "ry", "rz"), map(float, turn), strict=True))
+    turns = dict(zip(_ROTATION_VECTOR, map(float, turn), strict=True))
     return {
         **place,
         **turns,

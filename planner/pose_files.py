@@ -620,7 +620,7 @@ _VECTOR = ("rx", "ry", "rz")
 _ROW_NAMES = ("name", "pose", "image", "setting", "id")
 _STATED = re.compile(r"\b(?:units?|lengths?)\b\W*(?:are|is|in)?\W*(mm|cm|um|inch|in|ft|m)\b", re.I)
 # the columns by which a table of measurements of a plan is known; it states mm and degrees
-_OF_MEASUREMENTS = ("permitted_error_px", "search_window_px", "rx (deg)")
+_OF_MEASUREMENTS = ("permitted_error_px", "search_window_px")
 
 
 @dataclass(frozen=True)

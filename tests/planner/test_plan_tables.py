@@ -38,7 +38,7 @@ def test_place_and_turn_give_the_pose_back():
     found = plan()
     for row in found.rows()[:3]:
         pose = found.settings[row["setting"] - 1].cam2world
-        turn = Rotation.from_rotvec([row["rx"], row["ry"], row["rz"]], degrees=True)
+        turn = Rotation.from_rotvec([row[f"rotvec_{axis}"] for axis in "xyz"], degrees=True)
         assert np.allclose(turn.as_matrix(), pose[:3, :3], atol=1e-12)
         assert [row["x"], row["y"], row["z"]] == pose[:3, 3].tolist()
         assert row["margin_focus_mm"] == 12.5
