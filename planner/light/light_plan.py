@@ -23,6 +23,7 @@ from planner.plan_file import Amount, Coordinates, Count, Fraction, Reasons, Sha
 from planner.request.targets import targets_of
 
 if TYPE_CHECKING:
+    from aspectgraph import Solid
     from aspectgraph.solid.solid import RayScene
     from planner.verify.simulate_setting import Planned
 
@@ -615,3 +616,72 @@ def irradiance(
     light = np.zeros(len(pixels))
     light[met] = total
     return light
+
+
+# Where the cameras are, and where a placed lamp would be in their way.
+
+
+CAMERA_CLEARANCE_MM = 50.0
+"""Distance that placed lamps keep from the axis of a camera: half the width of lens and housing, with a reserve."""
+
+CAMERA_LENGTH_MM = 150.0
+"""How far lens and housing reach behind the front nodal point."""
+
+
+@dataclass(frozen=True)
+class CameraWays:
+    """Bodies of the cameras of a plan, and what they look through before the part.
+
+    Attributes
+    ----------
+    cam2world : array (n, 4, 4)
+        Poses of the settings.
+    matrix : array (3, 3)
+        Camera matrix, px.
+    resolution : (int, int)
+        Pixels.
+    nearest_mm : array (n,)
+        Depth at which the box around the part begins.
+    """
+
+    cam2world: Array
+    matrix: Array
+    resolution: tuple[int, int]
+    nearest_mm: Array
+
+    @classmethod
+    def of(cls, plan: Planned, solid: Solid) -> CameraWays:
+        """Return those of a plan on its part."""
+        poses = np.array([setting.cam2world for setting in plan.settings], dtype=np.float64)
+        poses = poses.reshape(-1, 4, 4)
+        low, high = solid.bounds
+        corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+        depths = (corners - poses[:, None, :3, 3]) @ poses[:, :3, 2, None]
+        nearest = depths[..., 0].min(axis=1)
+        return cls(poses, plan.camera.matrix, plan.camera.resolution, nearest)
+
+    def meet(self, places: Array) -> NDArray[np.bool_]:
+        """Return which places (m, 3) are in a camera, or hide part of an image."""
+        inside = np.zeros(len(places), bool)
+        for pose, nearest in zip(self.cam2world, self.nearest_mm.tolist(), strict=True):
+            x, y, depth = ((places - pose[:3, 3]) @ pose[:3, :3]).T
+            behind = np.clip(depth, -CAMERA_LENGTH_MM, 0.0)
+            inside |= np.sqrt(x**2 + y**2 + (depth - behind) ** 2) < CAMERA_CLEARANCE_MM
+            before = (depth > 0.0) & (depth < nearest)
+            ahead = np.where(before, depth, 1.0)
+            u = self.matrix[0, 0] * x / ahead + self.matrix[0, 2]
+            v = self.matrix[1, 1] * y / ahead + self.matrix[1, 2]
+            width, height = self.resolution
+            inside |= (
+                before
+                & (np.abs(2 * u + 1 - width) <= width)
+                & (np.abs(2 * v + 1 - height) <= height)
+            )
+        return inside
+
+
+def eyes_of(plan: Planned) -> NDArray[np.float64]:
+    """Return where the cameras of a plan are (n, 3), mm."""
+    return np.array([np.asarray(setting.cam2world)[:3, 3] for setting in plan.settings]).reshape(
+        -1, 3
+    )

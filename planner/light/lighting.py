@@ -55,6 +55,7 @@ from planner.light.corner_light import (
     rays_beside,
     sure_contrast,
 )
+from planner.light.light_plan import CameraWays, eyes_of
 from planner.light.reflection import Glare, Material, Places
 from planner.progress import Progress, TimeIsUpError, labelled, report
 from planner.request.part_entities import parts_of
@@ -514,6 +515,8 @@ class Served:
         Faces of metal beside which lamps must have no mirror image.
     readers : Readers, optional
         What measuring will find of pairs.
+    ways : CameraWays, optional
+        Of the cameras, which lamps that are added must not be in.
     """
 
     light: LightRegions | None
@@ -526,6 +529,7 @@ class Served:
     corners: Corners | None = None
     glare: Glare | None = None
     readers: Readers | None = None
+    ways: CameraWays | None = None
     places: Array = field(default_factory=lambda: np.empty((0, 3)))
     contrast: Array = field(init=False)
     step: Array = field(init=False)
@@ -543,12 +547,12 @@ class Served:
         )
 
     def add(self, places: Array) -> int:
-        """Add places that are clear of the part, and return how many that are."""
-        clear = places[
-            self.scene.signed_distance(places) >= max(self.clearance_mm, self.tolerance_mm)
-        ]
-        self.keep(clear)
-        return len(clear)
+        """Add places that are clear of the part and in no camera's way, and return how many that are."""
+        clear = self.scene.signed_distance(places) >= max(self.clearance_mm, self.tolerance_mm)
+        if self.ways is not None:
+            clear &= ~self.ways.meet(places)
+        self.keep(places[clear])
+        return int(clear.sum())
 
     def keep(self, places: Array, wanted: NDArray[np.bool_] | None = None) -> None:
         """Add places, wherever they are; ``wanted`` (n, pairs) is what they are to show, all if None."""
@@ -1103,6 +1107,7 @@ class Lighting:
             corners,
             _glare(plan, solid, demands.pairs, self.material),
             readers,
+            CameraWays.of(plan, solid) if isinstance(places, LampBox | LampDome) else None,
         )
 
 
@@ -1127,13 +1132,6 @@ def _glare(
                 owner += [k] * int(seen.sum())
     joined = Places(*(np.concatenate(values) for values in zip(*parts, strict=True)))
     return Glare(joined, np.array(owner, dtype=int), material.roughness)
-
-
-def eyes_of(plan: Planned) -> NDArray[np.float64]:
-    """Return where the cameras of a plan are (n, 3), mm."""
-    return np.array([np.asarray(setting.cam2world)[:3, 3] for setting in plan.settings]).reshape(
-        -1, 3
-    )
 
 
 def check_step(step: float) -> float:

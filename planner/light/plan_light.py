@@ -19,8 +19,8 @@ from aspectgraph.solid.solid import RayScene
 from planner.cover import maximal_columns, min_cover
 from planner.light.area_light import AreaLight, shown_of_plan
 from planner.light.corner_light import LampSets, fewest_together, sites_of
-from planner.light.light_plan import LightPlan, LitImage, with_exposures
-from planner.light.lighting import UNREAD, LampSpace, Lighting, Served, eyes_of
+from planner.light.light_plan import LightPlan, LitImage, eyes_of, with_exposures
+from planner.light.lighting import UNREAD, LampSpace, Lighting, Served
 from planner.progress import Progress, TimeLeft, report
 from planner.request.reads import Reads
 from planner.verify.simulate_setting import Planned

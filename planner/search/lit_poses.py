@@ -22,7 +22,8 @@ from planner.callbacks import Deadline
 from planner.cover import few_columns
 from planner.executors import checked_by
 from planner.light.area_light import EdgePoints, shown_of_plan
-from planner.light.lighting import Lighting, eyes_of
+from planner.light.light_plan import eyes_of
+from planner.light.lighting import Lighting
 from planner.light.mounted_light import flat_normals
 from planner.light.plan_light import chosen_lamps
 from planner.plan import InspectionPlan

@@ -12,13 +12,25 @@ from plan_examples import plan, setting
 from scipy.spatial.transform import Rotation
 
 from aspectgraph.solid.solid import RayScene
-from planner import Camera, Exposure, LightPlan, LitImage, PoseUncertainty, look_at
+from planner import (
+    Camera,
+    Exposure,
+    LampDome,
+    LightPlan,
+    LitImage,
+    PoseUncertainty,
+    look_at,
+    plan_light,
+)
 from planner.camera.camera import image_of
 from planner.camera.pose import world_to_cam
 from planner.light.light_plan import (
+    CAMERA_CLEARANCE_MM,
     WHITE_SHARE,
+    CameraWays,
     beside,
     exposure,
+    eyes_of,
     irradiance,
     spread_px,
     white_share,
@@ -233,3 +245,50 @@ def test_what_registers_is_not_overexposed_for_weak_targets(others, share, white
     assert white_share(light) == pytest.approx(white, abs=0.006)
     # what no lamp lights does not count
     assert white_share(np.concatenate([light, np.zeros(5000)])) == white_share(light)
+
+
+# A camera 400 mm above the middle of a block of 80 x 50 x 60 mm, whose top is 340 mm before it.
+DOWN = [[1, 0, 0, 40.0], [0, -1, 0, 25.0], [0, 0, -1, 400.0], [0, 0, 0, 1]]
+
+
+def ways():
+    pinhole = [[4000.0, 0, 599.5], [0, 4000.0, 399.5], [0, 0, 1]]
+    return CameraWays(np.array([DOWN]), np.array(pinhole), (1200, 800), np.array([340.0]))
+
+
+@pytest.mark.parametrize(
+    ("place", "meets"),
+    [
+        # in the lens, beside it, and in and behind the housing
+        ((45.0, 25.0, 395.0), True),
+        ((40.0, 74.0, 400.0), True),
+        ((40.0, 76.0, 400.0), False),
+        ((40.0, 60.0, 540.0), True),
+        ((40.0, 25.0, 599.0), True),
+        ((40.0, 25.0, 601.0), False),
+        # 300 mm before it, half the image is 600 / 4000 · 300 = 45 mm and 30 mm
+        ((84.0, 25.0, 100.0), True),
+        ((86.0, 25.0, 100.0), False),
+        ((40.0, 54.0, 100.0), True),
+        ((40.0, 56.0, 100.0), False),
+        # beside the part, or behind it, it hides nothing
+        ((84.0, 25.0, 50.0), False),
+        ((40.0, 25.0, -10.0), False),
+    ],
+)
+def test_a_lamp_is_in_no_camera_and_before_no_image(place, meets):
+    assert ways().meet(np.array([place])).tolist() == [meets]
+
+
+def test_placed_lamps_keep_out_of_the_way_of_cameras():
+    """The dome goes through the camera of the only setting."""
+    found = plan(settings=(setting((40.0, 25.0, 400.0), ["top front", "top right"]),))
+    dome = LampDome((40.0, 25.0, 0.0), 400.0, 300.0)
+    light = plan_light(found, block(), dome)
+    assert light.complete
+    assert not CameraWays.of(found, block()).meet(light.lamps).any()
+    (eye,) = eyes_of(found)
+    assert np.linalg.norm(light.lamps - eye, axis=1).min() >= CAMERA_CLEARANCE_MM
+    # where a lamp is given, it is where it is
+    given = plan_light(found, block(), [[45.0, 25.0, 400.0]])
+    assert given.lamps.tolist() == [[45.0, 25.0, 400.0]]
