@@ -864,7 +864,7 @@ class Images:
         who measures, for the files
     parts
         IMAGES holds a folder of images for each of many parts, named by their serials; a part that cannot be measured
-        gets a reason, and the others are measured
+        gets a reason, and the others are measured. A results.csv in the --out folder lists all parts
     partial
         measure although images are missing
     allow_lossy
