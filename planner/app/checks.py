@@ -345,6 +345,7 @@ _PLACES: dict[str, tuple[str, Callable[[Path], bool]]] = {
 
 def _check_files(values: Mapping[str, Any]) -> None:
     """Refuse a part, a plan, a folder, and a file of what is measured, that is not there."""
+    _check_not_exchanged(values.get("plan"), values.get("part"))
     for name, (kind, holds) in _PLACES.items():
         place = values.get(name)
         # --poses is a number where poses are drawn
@@ -416,6 +417,18 @@ def _kind_of_content(path: Path) -> str:
             if isinstance(item, dict) and any(map(item.get, words)):
                 return "dimensions"
     return ""
+
+
+def _check_not_exchanged(plan: Any, part: Any) -> None:
+    """Refuse a part in the place of the plan, if the plan is where the part belongs."""
+    if not (isinstance(plan, str) and isinstance(part, str)) or not Path(plan).is_file():
+        return
+    place = Path(part)
+    seems_plan = place.suffix.lower() == ".json" or (place / "plan.json").exists()
+    if seems_plan and _is_part(plan):
+        rule = "must be an existing plan file, or its folder"
+        hint = f"the plan seems to be {part!r}, so exchange the two"
+        raise RequestError.of_rule("plan", rule, f"{plan!r}, a part", hint=hint)
 
 
 def _check_plan(name: str, path: str) -> None:

@@ -464,6 +464,14 @@ def test_links_without_bodies_are_told_with_every_table_and_program(tmp_path, ca
         assert f"warning: {words}" in " ".join(capsys.readouterr().out.split())
 
 
+def test_the_folder_of_a_plan_for_the_part_is_named(tmp_path, capsys):
+    (tmp_path / "plan.json").write_text("{}")
+    words = [PART_REACH_COMMAND, str(tmp_path), "--cell", cell_file(tmp_path)]
+    assert main(["reach", *words]) == 2
+    hint = f"a part; the plan seems to be {str(tmp_path)!r}, so exchange the two.\n"
+    assert capsys.readouterr().err.endswith(hint)
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -471,6 +479,11 @@ def test_links_without_bodies_are_told_with_every_table_and_program(tmp_path, ca
         (
             [PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", "none.toml"],
             "--cell must be an existing file. Got 'none.toml'",
+        ),
+        (
+            [PART_REACH_COMMAND, PLAN_REACH_COMMAND, "--cell", "CELL"],
+            f"the plan must be an existing plan file, or its folder. Got {PART_REACH_COMMAND!r}, a part; the plan "
+            f"seems to be {PLAN_REACH_COMMAND!r}, so exchange the two",
         ),
         ([PLAN_REACH_COMMAND, "none.off", "--cell", "CELL"], "the part must be an existing file"),
         (["none", PART_REACH_COMMAND, "--cell", "CELL"], "the plan must be an existing plan file"),
