@@ -299,7 +299,8 @@ def tolerance_text(tolerance: tuple[float, float]) -> str:
 _LIMITS = {
     "the uncertain pose of the camera": (
         ("translation", "rotation"),
-        "A surer pose is needed, or registered images.",
+        "A surer pose is needed, or registered images: --register edges (in Python: "
+        "registration=Registration.own_edges()).",
     ),
     "points found in the image": (
         ("localisation", "localisation_floor"),
