@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
+from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -548,7 +549,12 @@ def _results(
     measured = _add(sets, "MeasurementResults", id=ids.next())
     part = ids.next()
     _traceability(measured, results.source)
-    references = [(name, "image", digest) for name, digest in results.source.images.items()]
+    named = results.source.image_files
+    references = [
+        # a URI has no blanks
+        (quote(named.get(name, name), safe=""), "image", digest)
+        for name, digest in results.source.images.items()
+    ]
     if results.source.plan_digest:
         references.insert(0, ("plan.json", "inspection plan", results.source.plan_digest))
     if references:
@@ -978,6 +984,8 @@ class Source:
         The calibration by which pixels became directions.
     part_file_sha256 : str
         SHA-256 of the part's file; empty if it is not known.
+    image_files : mapping of str to str
+        The name of the file of each image; an array has none.
     """
 
     program: str
@@ -989,6 +997,7 @@ class Source:
     plan_digest: str = ""
     camera: Camera | None = None
     part_file_sha256: str = ""
+    image_files: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
