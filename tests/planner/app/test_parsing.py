@@ -955,6 +955,15 @@ def test_standard_output_that_takes_no_more_is_one_line(options):
     )
 
 
+def test_help_names_exit_codes_and_extras():
+    for command in ("batch", "measure"):
+        text = command_help(COMMANDS[command])
+        assert "\nexit codes:\n  0  " in text
+        assert "\n  2  bad input" in text
+    picture = command_help(COMMANDS["info"]).partition("--picture")[2].partition("--select")[0]
+    assert ".png, which needs the extra .[plot]," in " ".join(picture.split())
+
+
 # Wrong files, texts and combinations: one line with the option as it was typed, and nothing is
 # written.
 
