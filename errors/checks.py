@@ -76,6 +76,23 @@ def is_nearly_one(value: float, required: float = 0.0) -> bool:
     return probability_text(value, required).startswith(">")
 
 
+def relation_text(value: float, required: float = 0.0) -> str:
+    """Return what follows the name of a probability, such as ``"= 0.9512"`` or ``"> 0.9999"``.
+
+    Parameters
+    ----------
+    value, required : float
+        As `probability_text` takes them.
+
+    Returns
+    -------
+    str
+        With its sign.
+    """
+    text = probability_text(value, required)
+    return text if text.startswith(">") else f"= {text}"
+
+
 def probability_text(value: float, required: float = 0.0) -> str:
     """Return a probability rounded down; near 1 only a bound, because no model proves certainty.
 

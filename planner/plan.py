@@ -20,7 +20,7 @@ from planner.exceptions import PlanFileError
 from planner.files import encoded, file_digest, plan_file, read_json, write_text
 from planner.plan_file import FORMAT, VERSION
 from planner.plan_tables import PlanTables
-from planner.request.words import features_text
+from planner.request.words import LeftOut, features_text, frame_of
 from planner.sensor_setting import (
     Foreseen,
     Reason,
@@ -398,6 +398,12 @@ class InspectionPlan(PlanTables):
         split = {}
         for name, value in self.split.items():
             split[name] = {**asdict(value), "probability": below_one(value.probability)}
+        frames = {}
+        of_model = {name: list(frame_of(reason)) for name, reason in self.not_planned.items()}
+        if any(of_model.values()):
+            frames["not_planned_frames"] = {
+                name: boxes for name, boxes in of_model.items() if boxes
+            }
         foreseen = {}
         if self.foreseen:
             foreseen["foreseen"] = list(map(asdict, self.foreseen))
@@ -415,7 +421,12 @@ class InspectionPlan(PlanTables):
             **({"unfinished": True} if self.unfinished else {}),
             "uninspectable": {name: str(reason) for name, reason in self.uninspectable.items()},
             **({"uninspectable_kinds": kinds} if kinds else {}),
-            **({"not_planned": dict(self.not_planned)} if self.not_planned else {}),
+            **(
+                {"not_planned": {name: str(reason) for name, reason in self.not_planned.items()}}
+                if self.not_planned
+                else {}
+            ),
+            **frames,
             "settings": [setting_dict(self, setting) for setting in self.settings],
             **({"split": split} if split else {}),
             **foreseen,
@@ -570,7 +581,10 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         light=None if record.light is None else record.light.light,
         cell=data.get("cell") or {},
         source=record.source,
-        not_planned=record.not_planned,
+        not_planned={
+            name: LeftOut(reason, record.not_planned_frames.get(name, ()))
+            for name, reason in record.not_planned.items()
+        },
         made=record.made,
         split=record.split,
         whole_bound=record.whole_bound,

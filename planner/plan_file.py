@@ -346,6 +346,10 @@ def _check_everyone_once(data: Mapping[str, Any], targets: Mapping[str, Any]) ->
         if name not in data["uninspectable"]:
             path = field_name("uninspectable_kinds", name)
             _refuse(path, "must be a name that has a reason", name)
+    for name in data.get("not_planned_frames", {}):
+        if name not in data.get("not_planned", {}):
+            path = field_name("not_planned_frames", name)
+            _refuse(path, "must be a name that has a reason", name)
     for name in targets:
         if (name in inspected) == (name in data["uninspectable"]):
             place = "both" if name in inspected else "neither"

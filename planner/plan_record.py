@@ -129,6 +129,9 @@ class PlanFile:
     unfinished: bool = False
     uninspectable_kinds: Kinds = field(default_factory=dict)
     not_planned: Reasons = field(default_factory=dict)
+    not_planned_frames: Annotated[
+        Mapping[str, tuple[str, ...]], Meta(title="must map names to the texts in their frames")
+    ] = field(default_factory=dict)
     light: LightRecord | None = None
     made: Made | None = None
     split: Annotated[

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from errors.checks import probability_text
+from errors.checks import relation_text
 from ground.convert import SPELLED, STATED, Meta, from_plain, to_plain
 from ground.short_repr import count
 from planner.exceptions import PlanFileError
@@ -426,7 +426,7 @@ class Outcome:
         if best >= threshold:
             return Reason.of(
                 ReasonKind.NO_FEASIBLE_VIEW,
-                f"the best pose found reaches P = {probability_text(best)}, "
+                f"the best pose found reaches P {relation_text(best)}, "
                 "but violates a constraint when checked again.",
             )
         # so many digits that it is seen to be below

@@ -865,7 +865,11 @@ def parse_names(path: Path) -> Any:
         raise ValueError(error.strerror or str(error)) from error
     except RecursionError as error:
         raise ValueError("it is nested too deep") from error
-    except (json.JSONDecodeError, tomllib.TOMLDecodeError, UnicodeDecodeError):
+    except (json.JSONDecodeError, tomllib.TOMLDecodeError) as error:
+        if (bare := _bare_id(str(error), text)) is None:
+            raise
+        raise ValueError(f'{error}; write "{bare}" in quotes') from error
+    except UnicodeDecodeError:
         raise
     except _TwiceError:
         raise
@@ -874,6 +878,20 @@ def parse_names(path: Path) -> Any:
         raise ValueError("it holds a number of too many digits") from error
     check_plain(content)
     return content
+
+
+_AT = re.compile(r"line (\d+),? column (\d+)")
+_BARE_ID = re.compile(r"[era]\d+(\[[\d:/]+\])?(?!\w)")
+
+
+def _bare_id(message: str, text: str) -> str | None:
+    """Return the id without quotes that stands where an error of TOML or JSON points; None if none does."""
+    position = _AT.search(message)
+    if position is None:
+        return None
+    line = text.split("\n")[int(position[1]) - 1]
+    bare = _BARE_ID.match(line, int(position[2]) - 1)
+    return None if bare is None else bare[0]
 
 
 class _TwiceError(ValueError):

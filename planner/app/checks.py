@@ -345,6 +345,7 @@ _PLACES: dict[str, tuple[str, Callable[[Path], bool]]] = {
 
 def _check_files(values: Mapping[str, Any]) -> None:
     """Refuse a part, a plan, a folder, and a file of what is measured, that is not there."""
+    _check_not_exchanged(values.get("plan"), values.get("part"))
     for name, (kind, holds) in _PLACES.items():
         place = values.get(name)
         # --poses is a number where poses are drawn
@@ -362,10 +363,72 @@ def _check_files(values: Mapping[str, Any]) -> None:
     is_file = Path(entities).suffix.lower() in (".toml", ".json", ".csv")
     if is_file and not Path(entities).exists():
         raise RequestError.of_rule("entities", "must name an existing file", repr(entities))
+    if is_file:
+        _check_content("entities", entities, values)
     dimensions = values.get("dimensions") or "all"
     if dimensions.strip().lower() != "all" and not Path(dimensions).exists():
         rule = "must be 'all' or name an existing file"
         raise RequestError.of_rule("dimensions", rule, repr(dimensions))
+    if Path(dimensions).is_file():
+        _check_content("dimensions", dimensions, values)
+
+
+_CONTENTS = {
+    "entities": "must name edges, rims or arcs, or a file of them",
+    "dimensions": "must be 'all' or a file of dimensions",
+}
+_WORDS = {"dimensions": "a file of dimensions", "camera": "a camera file", "cell": "a cell file"}
+# what any camera file has, of which a file of dimensions may use one as a name
+_OF_CAMERAS = ("pixel_pitch_mm", "f_number", "focus_distance_mm")
+
+
+def _check_content(name: str, path: str, values: Mapping[str, Any]) -> None:
+    """Refuse a file of dimensions for entities, and a camera or a cell for either."""
+    kind = _kind_of_content(Path(path))
+    if kind not in ("", name):
+        hint = f"give it to --{kind}" * (kind in values)
+        raise RequestError.of_rule(name, _CONTENTS[name], f"{path!r}, {_WORDS[kind]}", hint=hint)
+
+
+def _kind_of_content(path: Path) -> str:
+    """Return the option that a TOML or JSON file seems to be meant for; empty of entities, and if it is not clear."""
+    if path.suffix.lower() not in (".toml", ".json"):
+        return ""
+    # here, because they load what takes long
+    from aspectgraph.entities.entity_rules import parse_names
+    from errors.measurands.measurand import kinds
+
+    try:
+        content = parse_names(path)
+    except ValueError:
+        # where the file is read, the error says why
+        return ""
+    if not isinstance(content, dict):
+        return ""
+    if sum(key in content for key in _OF_CAMERAS) > 1:
+        return "camera"
+    robot = content.get("robot")
+    if isinstance(robot, dict) and "urdf" in robot:
+        return "cell"
+    dimensions = content.get("dimensions", content)
+    words = (*kinds(), "edge")
+    if isinstance(dimensions, dict):
+        for item in dimensions.values():
+            if isinstance(item, dict) and any(map(item.get, words)):
+                return "dimensions"
+    return ""
+
+
+def _check_not_exchanged(plan: Any, part: Any) -> None:
+    """Refuse a part in the place of the plan, if the plan is where the part belongs."""
+    if not (isinstance(plan, str) and isinstance(part, str)) or not Path(plan).is_file():
+        return
+    place = Path(part)
+    seems_plan = place.suffix.lower() == ".json" or (place / "plan.json").exists()
+    if seems_plan and _is_part(plan):
+        rule = "must be an existing plan file, or its folder"
+        hint = f"the plan seems to be {part!r}, so exchange the two"
+        raise RequestError.of_rule("plan", rule, f"{plan!r}, a part", hint=hint)
 
 
 def _check_plan(name: str, path: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -43,7 +43,7 @@ from planner.identity import PartRecord
 from planner.measuring.measurer import MeasureOptions, Measurer
 from planner.measuring.registration import Registration
 from planner.measuring.rehearsal import TRUTH, Rehearsal, Truth, write_images
-from planner.measuring.results import FORMAT, MeasurementResults
+from planner.measuring.results import COLUMNS, FORMAT, MeasurementResults, table_of_parts
 from planner.measuring.task import REPEATABILITY
 from planner.plan import read_plan
 from planner.progress import report, terminal_progress, visible, work_shown
@@ -61,7 +61,8 @@ WITH_EDGES = "edges+"
 """Before the file of a board whose pose the part's own edges improve."""
 QIF = "results.qif"
 """Only written if asked for; that of an earlier measurement does not stay."""
-FILES = ("results.json", "results.csv", QIF, "report.html")
+TABLE = "results.csv"
+FILES = ("results.json", TABLE, QIF, "report.html")
 
 _RULES = {
     "iso": DecisionRule.iso14253(),
@@ -102,6 +103,8 @@ def measure(options: Measure) -> int:
         check_same_part(solid, plan, options.part)
         if not options.force:
             _check_places(parts, solid)
+            if options.parts:
+                check_set_place(out, (TABLE,), _other_table, others=FILES[:1])
         # what can be read only once has no digest
         path = Path(options.part)
         digest = file_digest(path) if path.is_file() else ""
@@ -109,20 +112,17 @@ def measure(options: Measure) -> int:
             report(progress, 0, 1, "preparing the part")
             measurer = Measurer(plan, solid, part_file_sha256=digest)
         outcomes = [_measured(measurer, part, measure_options, options) for part in parts]
-    reasons = {
-        part.serial: outcome
-        for part, outcome in zip(parts, outcomes, strict=True)
-        if isinstance(outcome, _Reason)
-    }
+        reasons = {outcome.serial: outcome for outcome in outcomes if isinstance(outcome, _Reason)}
+        folders = [part.out for part in parts if part.serial not in reasons]
+        files = [path_text(folder / name) for folder in folders for name in _names(options)]
+        if options.parts and files:
+            _write_table(outcomes, out / TABLE)
+            files.append(path_text(out / TABLE))
     if options.json:
         records = [outcome.to_dict() for outcome in outcomes]
         print_json(records if options.parts else records[0])
-    else:
-        names = [name for name in FILES if options.qif or name != QIF]
-        folders = [part.out for part in parts if part.serial not in reasons]
-        files = [path_text(folder / name) for folder in folders for name in names]
-        if files:
-            terminal_tables.print_written(files, path_text(out), files[-1])
+    elif files:
+        terminal_tables.print_written(files, path_text(out), files[-1])
     if reasons:
         share = f"{len(reasons)} of {len(parts)} parts"
         write_error(visible(f"aspectgraph: {share} not measured: {', '.join(reasons)}"))
@@ -250,7 +250,23 @@ def _measured(
         return reason
     if not options.json:
         print_results(results)
+        if options.parts:
+            print_text(f"report: {path_text(part.out / FILES[-1])}")
     return results
+
+
+def _write_table(outcomes: Sequence[MeasurementResults | _Reason], path: Path) -> None:
+    """Write the rows of all parts into one table."""
+    parts = [outcome for outcome in outcomes if not isinstance(outcome, _Reason)]
+    reasons = {
+        outcome.serial: outcome.reason for outcome in outcomes if isinstance(outcome, _Reason)
+    }
+    write_text(path, table_of_parts(parts, reasons))
+
+
+def _names(options: Measure) -> list[str]:
+    """Return the names of the files of a part."""
+    return [name for name in FILES if options.qif or name != QIF]
 
 
 def _reason_of(error: Exception, serial: str, options: Measure) -> _Reason:
@@ -279,6 +295,9 @@ def _parts(options: Measure, out: Path) -> list[_Images]:
     if not parts:
         got = f"none in {str(folder)!r}"
         raise RequestError.of_rule("images", "must hold a folder for each part", got)
+    if any(part.serial == TABLE for part in parts):
+        rule = "must hold folders with other names than that of the table of all parts"
+        raise RequestError.of_rule("images", rule, repr(TABLE))
     return parts
 
 
@@ -288,6 +307,17 @@ def _check_places(parts: list[_Images], solid: Solid) -> None:
     for part in parts:
         stranger = partial(_other_results, part.serial, digest)
         check_set_place(part.out, FILES, stranger, others=("plan.json",))
+
+
+def _other_table(path: Path) -> str:
+    """Say that a file is no table of parts; nothing if it is."""
+    heading = ",".join(COLUMNS[:3])
+    other = "which 'measure' did not write"
+    try:
+        with open(path, encoding="utf-8") as table:
+            return other * (table.read(len(heading)) != heading)
+    except (OSError, UnicodeDecodeError):
+        return other
 
 
 def _other_results(serial: str, digest: str, path: Path) -> str:
@@ -322,7 +352,7 @@ def _write(results: MeasurementResults, folder: Path, with_qif: bool) -> None:
         if with_qif:
             results.qif(staging / QIF)
         results.write(staging / "results.json")
-        results.write_csv(staging / "results.csv")
+        results.write_csv(staging / TABLE)
         write_text(staging / "report.html", measured_html(results))
 
 

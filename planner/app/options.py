@@ -560,7 +560,8 @@ class Info(PartFile):
     Attributes
     ----------
     picture
-        draw the edges with their ids: .png, or .html to pick edges from and save them for --entities or --dimensions
+        draw the edges with their ids: .png, which needs the extra .[plot], or .html, which needs none, to pick edges
+        from and save them for --entities or --dimensions
     select
         list only edges, rims and arcs for which the rule holds; see plan --help (default: all)
     min_length
@@ -864,7 +865,7 @@ class Images:
         who measures, for the files
     parts
         IMAGES holds a folder of images for each of many parts, named by their serials; a part that cannot be measured
-        gets a reason, and the others are measured
+        gets a reason, and the others are measured. A results.csv in the --out folder lists all parts
     partial
         measure although images are missing
     allow_lossy
@@ -1050,6 +1051,12 @@ class Batch(
     """
 
     usage = ("FOLDER --camera NAME|FILE --out DIR [options]",)
+    epilog = """\
+exit codes:
+  0  every part has a plan that inspects all its targets
+  1  a part has no plan, or its plan is incomplete or not confirmed by the
+     simulation; results.csv has the reason. Also if the work was interrupted
+  2  bad input"""
     at_most_one = ("--select", "--all", "--dimensions")
 
     folder: str = field(kw_only=False)

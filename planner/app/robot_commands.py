@@ -21,10 +21,11 @@ from planner.light.area_lights import BACKLIGHT
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import terminal_progress, visible
 from planner.robotcell import Cell, Placement, Reachability
+from planner.robotcell.bodies import Grip, standing_bodies
 from planner.robotcell.cell_file import laid_cell, moved_cell, toml_lines
 from planner.robotcell.laying import POST_HEIGHTS_MM, LaidPart, LayingSearch, Posts, Side
 from planner.robotcell.placement import PlacementSearch
-from planner.robotcell.urdf import compose, invert
+from planner.robotcell.urdf import carry, compose, invert
 from planner.robotprogram.other_poses import with_reached_settings
 from planner.robotprogram.program import FixturedTour, RobotProgram, Stop
 from planner.robotprogram.program_steps import (
@@ -178,16 +179,46 @@ def print_lamp_note(plan: InspectionPlan, cell: Cell) -> None:
             f"State it as {table} of the cell"
         )
         return
-    if not len(light.lamps):
-        return
+    held = _are_obstacles(light.lamps, cell)
     places = [
         f"lamp {k} at ({x:.0f}, {y:.0f}, {z:.0f})"
         for k, (x, y, z) in enumerate(light.lamps.tolist(), start=1)
+        if not held[k - 1]
     ]
+    if not places:
+        return
+    which = "the plan's lamps are"
+    if held.any():
+        which = "of the plan's lamps, these are"
     print_text(
-        f"note: the plan's lamps are no obstacles of the cell: {', '.join(places)} mm in the frame of the part, with "
+        f"note: {which} no obstacles of the cell: {', '.join(places)} mm in the frame of the part, with "
         "which they move. Add them to the obstacles of the fixturing"
     )
+
+
+_BODY_OF_LAMP_MM = 1.0
+"""A lamp that is this near to the box about an obstacle is in it: its position is printed in whole mm."""
+
+
+def _are_obstacles(lamps: np.ndarray, cell: Cell) -> np.ndarray:
+    """Return which lamps (n, 3) are in a body that moves with the part, in every fixturing; (n,) bool."""
+    held = np.ones(len(lamps), dtype=bool)
+    for fixturing in cell.fixturings.values():
+        if isinstance(fixturing, Grip):
+            pose = fixturing.part2flange
+            bodies = fixturing.gripper
+        else:
+            pose = fixturing.part2base
+            # what stands next to a turntable does not turn with the part
+            bodies = fixturing.obstacles
+            if fixturing.table is not None:
+                bodies = fixturing.turning
+        places = carry(pose, lamps)
+        here = np.zeros(len(lamps), dtype=bool)
+        for body in standing_bodies(bodies, "obstacles"):
+            here |= body.distance_bound(places) <= _BODY_OF_LAMP_MM
+        held &= here
+    return held
 
 
 def _rows(

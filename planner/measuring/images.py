@@ -22,6 +22,7 @@ from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.response import LINEAR, Response, stated_in_file
 from planner.exceptions import RequestError
+from planner.files import name_text
 from planner.measuring.samples import CLIPPED_SHARE, MOST_BY_SLOPES_PX, Scans, find_edges, noise_of
 from planner.sensor_setting import setting_name
 
@@ -436,6 +437,8 @@ class ImageSet:
         Grey values by the name of the shot.
     notes : list of str
         What was changed or assumed.
+    files : dict of str to str
+        Names of the files; an array has none.
     digests : dict of str to str
         SHA-256 of the bytes of each file, which were decoded, or of the array.
     responses : dict of str to Response
@@ -444,6 +447,7 @@ class ImageSet:
 
     images: dict[str, Image] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    files: dict[str, str] = field(default_factory=dict)
     digests: dict[str, str] = field(default_factory=dict)
     responses: dict[str, Response] = field(default_factory=dict)
 
@@ -526,6 +530,8 @@ def read_images(
             continue
         image_set.images[shot.name] = image
         image_set.digests[shot.name] = digest
+        if isinstance(files[shot.name], str | os.PathLike):
+            image_set.files[shot.name] = name_text(Path(files[shot.name]).name)
         if response is not None:
             image_set.responses[shot.name] = response
         image_set.notes += [f"{shot.name}: {note}" for note in notes]

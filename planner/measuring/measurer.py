@@ -1070,6 +1070,7 @@ class Measurer:
             part=self.plan.part,
             part_digest=self._digest,
             images=dict(found.digests),
+            image_files=dict(found.files),
             date=timestamp(),
             operator=operator,
             plan_digest=self.plan.digest,

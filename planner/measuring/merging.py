@@ -30,6 +30,7 @@ from planner.measuring.reading import Reading
 from planner.measuring.results import Result, variances_of_points
 from planner.request.dimension import POSITIONS, MaterialCondition
 from planner.request.targets import Target
+from planner.text_table import enumerated
 
 CONSISTENT = 0.99
 """Readings of one target that differ more than with this probability are said to disagree."""
@@ -282,7 +283,8 @@ def position_of_ends(
 def _where_text(ends: Sequence[Reading]) -> str:
     places = ", ".join(f"{end.entity} in {end.image}" for end in ends)
     if len({end.image for end in ends}) == 1:
-        return f"its entities are read apart: {places}"
+        entities = enumerated([end.entity for end in ends])
+        return f"no setting is planned for all of it, so each entity is read by itself in {ends[0].image}: {entities}"
     return f"no image shows all of it: {places}"
 
 

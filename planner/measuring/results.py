@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
+from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -548,7 +549,12 @@ def _results(
     measured = _add(sets, "MeasurementResults", id=ids.next())
     part = ids.next()
     _traceability(measured, results.source)
-    references = [(name, "image", digest) for name, digest in results.source.images.items()]
+    named = results.source.image_files
+    references = [
+        # a URI has no blanks
+        (quote(named.get(name, name), safe=""), "image", digest)
+        for name, digest in results.source.images.items()
+    ]
     if results.source.plan_digest:
         references.insert(0, ("plan.json", "inspection plan", results.source.plan_digest))
     if references:
@@ -641,6 +647,7 @@ def _uuid(name: str) -> str:
 FORMAT: Final = "aspectgraph-results"
 
 COLUMNS = (
+    "serial",
     *("name", "kind", "unit", "nominal", "lower", "upper", "value", "deviation", "u", "U", "k"),
     *(
         "decision",
@@ -654,6 +661,7 @@ COLUMNS = (
     ),
     *(f"u_{source.replace(' ', '_')}" for source in SOURCES),
     *("reason", "advice", "interval_from", "interval_to", "bonus", "U_foreseen"),
+    *("date", "operator"),
 )
 """Columns of the table."""
 
@@ -857,9 +865,10 @@ class MeasurementResults(ShownInNotebook):
         Returns
         -------
         list of dict
-            For each target its values by column; None where there is no number.
+            For each target its values by column; None where there is no number. `serial`, `date` and
+            `operator` are those of results.json.
         """
-        return [_row(result) for result in self]
+        return [_row(result, self) for result in self]
 
     def to_dataframe(self) -> Any:
         """Return `rows` as a data frame of pandas.
@@ -886,13 +895,7 @@ class MeasurementResults(ShownInNotebook):
             in the report, and parts of u one more. What is accepted is rounded inwards. Text that a
             spreadsheet would run begins with an apostrophe.
         """
-        units = " or ".join(sorted({result.unit for result in self}))
-        heading = [
-            f"{name} ({units})" if name in _WITH_UNIT or name.startswith("u_") else name
-            for name in COLUMNS
-        ]
-        rows = [list(_rounded_row(row).values()) for row in self.rows()]
-        return table_text(heading, rows)
+        return table_of_parts([self])
 
     def write_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write the table as CSV.
@@ -915,6 +918,39 @@ class MeasurementResults(ShownInNotebook):
         check_path("path", path)
         write_text(path, self.to_csv())
         return Path(path)
+
+
+def table_of_parts(
+    parts: Sequence[MeasurementResults], not_measured: Mapping[str, str] | None = None
+) -> str:
+    """Return the tables of several parts as one, as `MeasurementResults.to_csv` returns it.
+
+    Parameters
+    ----------
+    parts : sequence of MeasurementResults
+        The parts.
+    not_measured : mapping of str to str, optional
+        Serials of parts without results, and why; each has a row.
+
+    Returns
+    -------
+    str
+        Rows in the order of the serials; those of one part in the plan's order.
+    """
+    units = " or ".join(sorted({result.unit for part in parts for result in part}))
+    heading = [
+        f"{name} ({units})" if name in _WITH_UNIT or name.startswith("u_") else name
+        for name in COLUMNS
+    ]
+    rows = [_rounded_row(row) for part in parts for row in part.rows()]
+    empty = dict.fromkeys(COLUMNS)
+    why = {"decision": Decision.NOT_MEASURED.value}
+    rows += [
+        {**empty, **why, "serial": serial, "reason": reason}
+        for serial, reason in (not_measured or {}).items()
+    ]
+    rows.sort(key=lambda row: row["serial"])
+    return table_text(heading, [list(row.values()) for row in rows])
 
 
 @dataclass(frozen=True)
@@ -948,6 +984,8 @@ class Source:
         The calibration by which pixels became directions.
     part_file_sha256 : str
         SHA-256 of the part's file; empty if it is not known.
+    image_files : mapping of str to str
+        The name of the file of each image; an array has none.
     """
 
     program: str
@@ -959,6 +997,7 @@ class Source:
     plan_digest: str = ""
     camera: Camera | None = None
     part_file_sha256: str = ""
+    image_files: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -1049,7 +1088,7 @@ def rounded_up(value: float, decimals: int) -> float:
     return math.ceil(value * 10**decimals - 1e-9) / 10**decimals
 
 
-def _row(one: Result) -> dict[str, Any]:
+def _row(one: Result, part: MeasurementResults) -> dict[str, Any]:
     lower, upper = plain_tolerance(one.tolerance) or (None, None)
     readings = [reading for reading in one.readings if reading.measured] or list(one.readings)
     counts: dict[str, int] = {}
@@ -1059,6 +1098,7 @@ def _row(one: Result) -> dict[str, Any]:
     total = sum(counts.values())
     budget = one.budget
     values = (
+        part.serial,
         *(one.name, one.kind, one.unit, one.nominal, lower, upper),
         *map(_number, (one.value, one.deviation, one.standard_uncertainty)),
         *(_number(one.expanded_uncertainty), COVERAGE, one.decision.value),
@@ -1072,5 +1112,6 @@ def _row(one: Result) -> dict[str, Any]:
         *(one.reason, one.advice),
         *(one.interval or (None, None)),
         *map(_number, (one.bonus_mm, one.foreseen_uncertainty)),
+        *(part.source.date, part.source.operator),
     )
     return dict(zip(COLUMNS, values, strict=True))

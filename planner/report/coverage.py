@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from planner.request.dimension import POSITIONS, zone_text
 from planner.request.targets import Target, targets_of
-from planner.request.words import tolerance_text
+from planner.request.words import frame_of, tolerance_text
 from planner.text_table import count
 
 if TYPE_CHECKING:
@@ -22,14 +22,20 @@ if TYPE_CHECKING:
 
 _SYMBOLS = {
     "angle": "∠",
+    "angularity": "∠",
     "centre_distance": "↔",
     "centre_to_edge": "↔",
     "coaxiality": "◎",
+    "circular run-out": "↗",
     "diameter": "⌀",
     "distance": "↔",
+    "flatness": "▱",
     "length": "↔",
+    "parallelism": "∥",
+    "perpendicularity": "⊥",
     "position": "⊕",
     "radius": "R",
+    "roundness": "○",
     "symmetry": "≡",
     "width_position": "⊕",
 }
@@ -93,7 +99,8 @@ def coverage(plan: InspectionPlan) -> list[Covered]:
         del settings[name]
     rows = [_of_targets(plan, name, members, settings) for name, members in groups.items()]
     rows += [
-        Covered(NONE, _CLASSES[NONE], name, [], reason) for name, reason in plan.not_planned.items()
+        Covered(NONE, _CLASSES[NONE], name, _boxes_left_out(reason), reason)
+        for name, reason in plan.not_planned.items()
     ]
     return _said_once(rows)
 
@@ -207,6 +214,14 @@ def boxes_of(target: Target) -> list[str]:
         unit = "°" if target.unit == "deg" else ""
         return [symbol, f"{target.nominal:.6g}{unit}{tolerance}"]
     return [symbol, zone_of(target), *target.datum_names]
+
+
+def _boxes_left_out(reason: str) -> list[str]:
+    """Return the boxes of a requirement that is not planned; empty if the plan does not hold them."""
+    if not (frame := frame_of(reason)):
+        return []
+    kind, *others = frame
+    return [_SYMBOLS.get(kind, kind.replace("_", " ")), *others]
 
 
 def zone_of(target: Target) -> str:

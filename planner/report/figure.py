@@ -27,7 +27,7 @@ from aspectgraph.plot.traces import (
     xyz,
 )
 from aspectgraph.plot.views import layout
-from errors.checks import probability_text
+from errors.checks import relation_text
 from errors.measurands import Circle, Geometry
 from ground.templates import render
 from planner.argument_kinds import check_kinds
@@ -512,7 +512,7 @@ def _frustum_trace(setting: SensorSetting, camera: Camera, k: int, group: str) -
         zip(corners, np.roll(corners, -1, axis=0), strict=True)
     )
     probabilities = "<br>".join(
-        f"{name}: P = {probability_text(p)}" for name, p in setting.probability.items()
+        f"{name}: P {relation_text(p)}" for name, p in setting.probability.items()
     )
     return line_trace(
         pieces,

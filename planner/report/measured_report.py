@@ -165,7 +165,7 @@ COLOURS = {
     State.AT_END: "#b04bd8",
     State.TWO_STEPS: "#a8741a",
     State.OUTLIER: "#e5332a",
-    State.OUTSIDE: "#8a94a0",
+    State.OUTSIDE: "#8822ff",
     State.HIDDEN: "#5b6b7b",
     State.NEAR_LINE: "#3f8fd6",
     State.SHADOW: "#e05fa0",

@@ -29,7 +29,7 @@ from planner.argument_kinds import (
 )
 from planner.exceptions import RequestError
 from planner.request.dimension import POSITION, POSITIONS, QUARTER, Dimension
-from planner.request.words import characteristic_name
+from planner.request.words import LeftOut, characteristic_name, tolerance_text
 
 if TYPE_CHECKING:
     from aspectgraph import ModelDimension, Solid
@@ -610,7 +610,7 @@ def dimensions_to_plan(
     wanted : dict of str to Dimension
         The characteristics that can be measured, in the order of the model.
     left_out : dict of str to str
-        The others, with the reason.
+        The others, with the reason. Their frames go into a plan that gets them as ``not_planned``.
 
     Raises
     ------
@@ -642,7 +642,9 @@ def dimensions_to_plan(
         if not planned
     ]
     items = [
-        item for statement in stated for item in _items(statement, share, one_per_pattern, omitted)
+        (name, item if isinstance(item, Dimension) else LeftOut(item, _frame_of_model(statement)))
+        for statement in stated
+        for name, item in _items(statement, share, one_per_pattern, omitted)
     ]
     # the model may already use a name that a feature of a pattern gets
     names = unique_names([name for name, _ in items])
@@ -654,6 +656,23 @@ def dimensions_to_plan(
         else:
             left_out[name] = item
     return named, left_out
+
+
+def _frame_of_model(stated: ModelDimension | GeometricTolerance) -> tuple[str, ...]:
+    """Return kind, value or zone, and datums of a requirement; empty without a value."""
+    if isinstance(stated, GeometricTolerance):
+        if stated.zone_mm is None:
+            return ()
+        # mm goes without saying, as on a drawing
+        return stated.kind, *stated.frame.replace(" mm", "").split(" | ")
+    if stated.nominal is None:
+        return ()
+    value = f"{stated.nominal:.6g}{'°' * (stated.kind == 'angle')}"
+    if stated.tolerance is not None:
+        value += f" {tolerance_text(stated.tolerance)}"
+    if stated.role == "reference":
+        value = f"({value})"
+    return stated.kind, value
 
 
 def _items(

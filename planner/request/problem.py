@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.checks import probability_text
+from errors.checks import relation_text
 from planner.argument_kinds import check_fraction
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
@@ -265,7 +265,7 @@ def witness_reasons(witnesses: Witnesses, cam2world: NDArray[np.float64]) -> lis
     """
     states = witness_states(witnesses, cam2world)
     texts = [
-        f"P = {probability_text(float(p))}" if missed == 0.0 else _WHY.get(name, _OTHER)
+        f"P {relation_text(float(p))}" if missed == 0.0 else _WHY.get(name, _OTHER)
         for missed, name, p in zip(states.missed, states.worst, states.probability, strict=True)
     ]
     return [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -39,6 +39,43 @@ def characteristic_name(dimension: str, k: int, n: int) -> str:
     'Linear Size.11 [3 of 30]'
     """
     return f"{dimension} [{k} of {n}]"
+
+
+class LeftOut(str):
+    """The reason why a requirement of a model is not planned, with its frame.
+
+    Parameters
+    ----------
+    reason : str
+        The reason.
+    frame : iterable of str
+        Its kind, value or zone, and datums, as a drawing has them in boxes; empty if it is not known.
+
+    Examples
+    --------
+    >>> from planner.request.words import LeftOut
+    >>> LeftOut("edges do not show it", ["flatness", "0.2"]).frame
+    ('flatness', '0.2')
+    """
+
+    frame: tuple[str, ...]
+
+    def __new__(cls, reason: str, frame: Iterable[str] = ()) -> LeftOut:
+        """Make a reason with a frame."""
+        left_out = super().__new__(cls, reason)
+        left_out.frame = tuple(frame)
+        return left_out
+
+
+def frame_of(reason: str) -> tuple[str, ...]:
+    """Return the frame of what is not planned; empty of a plain reason.
+
+    Parameters
+    ----------
+    reason : str
+        The reason, maybe a `LeftOut`.
+    """
+    return reason.frame if isinstance(reason, LeftOut) else ()
 
 
 def place_name(dimension: str, k: int, n: int) -> str:
@@ -262,7 +299,8 @@ def tolerance_text(tolerance: tuple[float, float]) -> str:
 _LIMITS = {
     "the uncertain pose of the camera": (
         ("translation", "rotation"),
-        "A surer pose is needed, or registered images.",
+        "A surer pose is needed, or registered images: --register edges (in Python: "
+        "registration=Registration.own_edges()).",
     ),
     "points found in the image": (
         ("localisation", "localisation_floor"),

@@ -14,7 +14,7 @@ from planner.exceptions import RobotError
 from planner.robotcell.arm import Robot
 from planner.robotcell.bodies import Body, Fixturing, Grip, Standing, Surface
 from planner.robotcell.camera_body import unchecked_of
-from planner.robotcell.cell_file import cell_fields
+from planner.robotcell.cell_file import cell_fields, made_of_file
 from planner.robotcell.cell_light import BACKLIGHT, CarriedLight, LightBox
 from planner.robotcell.collisions import (
     Arm,
@@ -186,7 +186,7 @@ class Cell:
         """
         fields = cell_fields(path)
         kind = HeldPartCell if PartInHand.field in fields else Cell
-        return kind(**fields)
+        return made_of_file(kind, fields, path)
 
     def with_part(self, solid: Solid, *, check: bool = True) -> Cell:
         """Return the cell with the part in it or in the hand, so that nothing may touch the part either.

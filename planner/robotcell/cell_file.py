@@ -6,7 +6,7 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from os import PathLike
@@ -319,6 +319,34 @@ def cell_fields(path: str | PathLike[str]) -> dict[str, Any]:
         if not error.parameter:
             raise
         name = f"{file}: {error.parameter}"
+        raise RobotError.of_rule(name, error.rule, error.got, hint=error.hint) from None
+
+
+def made_of_file(
+    kind: Callable[..., Any], fields: Mapping[str, Any], path: str | PathLike[str]
+) -> Any:
+    """Return a cell made of its fields.
+
+    Parameters
+    ----------
+    kind : callable
+        Makes it.
+    fields : mapping
+        As `cell_fields` returns them.
+    path : str or Path
+        The file that states them.
+
+    Raises
+    ------
+    RobotError
+        A field breaks a rule; the message begins with the file's name.
+    """
+    try:
+        return kind(**fields)
+    except RobotError as error:
+        if error.parameter not in fields:
+            raise
+        name = f"{Path(path)}: {error.parameter}"
         raise RobotError.of_rule(name, error.rule, error.got, hint=error.hint) from None
 
 

@@ -6,7 +6,14 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from errors.checks import below_one, frequency_text, interval_text, percent_text, probability_text
+from errors.checks import (
+    below_one,
+    frequency_text,
+    interval_text,
+    percent_text,
+    probability_text,
+    relation_text,
+)
 
 
 @pytest.mark.parametrize(
@@ -26,6 +33,7 @@ from errors.checks import below_one, frequency_text, interval_text, percent_text
 )
 def test_a_probability_is_told_rounded_down_and_never_as_one(value, told):
     assert probability_text(value) == told
+    assert relation_text(value) == (told if told.startswith(">") else f"= {told}")
 
 
 @pytest.mark.parametrize(

@@ -130,6 +130,11 @@ class Choice {
   /* Return why a plan would refuse the tolerance of an item, or nothing. */
   toleranceFault(k) {
     const limits = this.tolerance(k), { size: nominal } = this.items[k];
+    if (!limits) {
+      // "0,3" is 0.3 in many countries; in "-0.1,0.1" the comma is none of a number
+      const typed = (this.tolerances.get(k) || this.shared(k)).trim(), dotted = typed.replace(/(\d),(?=\d)/g, "$1.");
+      if (dotted !== typed && !typed.includes(".")) return `numbers need a decimal point, so write ${dotted}`;
+    }
     if (this.isPosition(k) && !limits) return "a position needs its zone, a number like 0.2";
     if (this.materials.get(k)) {
       const size = this.sizeOf(k), { rows: [what] } = this.items[size];

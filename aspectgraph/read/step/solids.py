@@ -48,6 +48,7 @@ from aspectgraph.read.step.text import (
     parse_entities,
 )
 from aspectgraph.solid.topology import describe_point
+from ground.short_repr import count
 
 # Small questions to shapes of the kernel: what they consist of, their points and their triangles.
 #
@@ -502,8 +503,10 @@ def _left_out(shape: Any, n_tessellated: int) -> list[str]:
         explore(shape, TopAbs_ShapeEnum.TopAbs_EDGE, outside=TopAbs_ShapeEnum.TopAbs_FACE)
     )
     notes = []
-    if n_faces or n_edges:
-        notes.append(f"left out {n_faces} faces and {n_edges} edges that belong to no solid")
+    counts = [count(n, noun) for n, noun in ((n_faces, "face"), (n_edges, "edge")) if n]
+    if counts:
+        verb = "belongs" if n_faces + n_edges == 1 else "belong"
+        notes.append(f"left out {' and '.join(counts)} that {verb} to no solid")
     if n_tessellated:
         noun = "face that belongs" if n_tessellated == 1 else "faces that belong"
         notes.append(f"left out {n_tessellated} tessellated {noun} to no solid")

@@ -244,6 +244,10 @@ def test_files(tmp_path):
     [
         ("broken.toml", "a = [", "must be valid TOML. Got broken.toml"),
         ("broken.json", "{", "must be valid JSON. Got broken.json"),
+        ("bare.toml", "\na = r7", r'\(at line 2, column 5\); write "r7" in quotes'),
+        ("bare.toml", "a = [3, e17[0:1/4]]", r'column 9\); write "e17\[0:1/4\]" in quotes'),
+        ("bare.json", '{"a": r7}', r'\(char 6\); write "r7" in quotes'),
+        ("bare.toml", "a = rim", r"\(at line 1, column 5\)\.$"),
         ("word.json", '"all"', "must hold names or edge ids. Got word.json with str"),
         ("absent.toml", None, "must name an existing file"),
     ],

@@ -318,7 +318,13 @@ def test_loose_faces_beside_a_solid_are_noted(tmp_path):
     face = explore(box(9, 9, 9), TopAbs_ShapeEnum.TopAbs_FACE)[0]
     solid = read_solid(write(tmp_path / "part.step", box(2, 2, 2), face))
     assert solid.volume == pytest.approx(8)
-    assert solid.notes == ("left out 1 faces and 0 edges that belong to no solid",)
+    assert solid.notes == ("left out 1 face that belongs to no solid",)
+    edges = explore(face, TopAbs_ShapeEnum.TopAbs_EDGE)[:2]
+    solid = read_solid(write(tmp_path / "edges.step", box(2, 2, 2), *edges))
+    assert solid.notes == ("left out 2 edges that belong to no solid",)
+    apart = explore(box(3, 3, 3), TopAbs_ShapeEnum.TopAbs_EDGE)[0]
+    solid = read_solid(write(tmp_path / "both.step", box(2, 2, 2), face, apart))
+    assert solid.notes == ("left out 1 face and 1 edge that belong to no solid",)
 
 
 def test_units_belong_to_meshes():

@@ -1,5 +1,6 @@
 """The command ``measure``: files, exit codes, and errors in one line."""
 
+import csv
 import hashlib
 import json
 import os
@@ -16,6 +17,7 @@ from plan_examples import changed
 from aspectgraph import read_solid
 from planner import Lighting, read_plan
 from planner.app.main import main
+from planner.files import path_text
 from planner.identity import PartRecord
 
 
@@ -52,6 +54,11 @@ def run(folder, images, *more, out="out"):
     )
 
 
+def table_of(path):
+    with open(path, newline="", encoding="utf-8") as table:
+        return list(csv.DictReader(table))
+
+
 def given(folder, name="poses.json"):
     return "--register", str(folder / name)
 
@@ -67,6 +74,8 @@ def test_a_good_part_conforms(folder, capsys):
         assert data["source"][key] == hashlib.sha256((folder / name).read_bytes()).hexdigest()
     assert data["results"][0]["decision"] == "conforms"
     assert (folder / "out" / "results.csv").read_text().count("\n") == 2
+    (row,) = table_of(folder / "out" / "results.csv")
+    assert (row["serial"], row["date"], row["operator"]) == ("N0012", data["source"]["date"], "")
 
 
 def test_a_wide_part_does_not(folder, capsys):
@@ -169,9 +178,39 @@ def test_a_folder_of_parts(folder, tmp_path, capsys):
     ]
     assert decisions == ["conforms", "does not conform"]
     assert (folder / "parts" / "N2" / "report.html").exists()
+    rows = table_of(folder / "parts" / "results.csv")
+    assert [(row["serial"], row["decision"]) for row in rows] == [
+        ("N1", "conforms"),
+        ("N2", "does not conform"),
+    ]
+    out = capsys.readouterr().out.replace("\n", "")
+    for serial in ("N1", "N2"):
+        assert f"report: {path_text(folder / 'parts' / serial / 'report.html')}" in out
+    assert f"7 files in {path_text(folder / 'parts')}/; open" in out
+    assert out.endswith(path_text(folder / "parts" / "results.csv"))
+    # an earlier table is replaced
+    assert run(folder, tmp_path, *given(folder), "--parts", "--operator", "B", out="parts") == 1
+    assert {row["operator"] for row in table_of(folder / "parts" / "results.csv")} == {"B"}
     assert run(folder, tmp_path, *given(folder), "--parts", "--serial", "N3") == 2
     assert run(folder, tmp_path / "N1", *given(folder), "--parts") == 2
     assert "the images must hold a folder for each part" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("name", "text"), [("results.csv", "name,mine"), ("results.json", "{}")])
+def test_files_where_the_table_of_parts_belongs_stay(folder, tmp_path, capsys, name, text):
+    (tmp_path / "images").mkdir()
+    (tmp_path / "images" / "N1").symlink_to(folder / "good")
+    (tmp_path / name).write_text(text)
+    assert run(folder, tmp_path / "images", *given(folder), "--parts", out=tmp_path) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("aspectgraph: --out must be a folder without files of others. Got ")
+    assert (tmp_path / name).read_text() == text
+
+
+def test_a_part_may_not_have_the_name_of_the_table(folder, tmp_path, capsys):
+    (tmp_path / "results.csv").symlink_to(folder / "good")
+    assert run(folder, tmp_path, *given(folder), "--parts", out="clash") == 2
+    assert "other names than that of the table of all parts" in capsys.readouterr().err
 
 
 def test_qif_is_written_if_asked_for_and_does_not_stay(folder, capsys):
@@ -218,6 +257,10 @@ def test_one_bad_part_has_a_reason_and_the_others_are_measured(folder, tmp_path,
     assert "N2: not measured: the images must be an existing folder. Got a link" in out.replace(
         "\n", " "
     )
+    rows = table_of(folder / "many" / "results.csv")
+    assert [row["serial"] for row in rows] == ["N1", "N2", "N3", r"N\xe9"]
+    assert [row["decision"] for row in rows] == [*["not measured"] * 3, "conforms"]
+    assert rows[1]["reason"].startswith("the images must be an existing folder. Got a link")
     results = Path(os.fsdecode(os.fsencode(folder / "many") + b"/N\xe9"), "results.json")
     assert json.loads(results.read_text(encoding="utf-8"))["serial"] == r"N\xe9"
     assert run(folder, tmp_path, *given(folder), "--parts", "--json", out="many") == 2

@@ -955,6 +955,15 @@ def test_standard_output_that_takes_no_more_is_one_line(options):
     )
 
 
+def test_help_names_exit_codes_and_extras():
+    for command in ("batch", "measure"):
+        text = command_help(COMMANDS[command])
+        assert "\nexit codes:\n  0  " in text
+        assert "\n  2  bad input" in text
+    picture = command_help(COMMANDS["info"]).partition("--picture")[2].partition("--select")[0]
+    assert ".png, which needs the extra .[plot]," in " ".join(picture.split())
+
+
 # Wrong files, texts and combinations: one line with the option as it was typed, and nothing is
 # written.
 
@@ -964,6 +973,7 @@ BLOCK_BAD_INPUTS = str(EXAMPLES / "two_pocket_block.off")
 CAMERA_BAD_INPUTS = ["--camera", "basler-acA2440-20gm-8mm"]
 EDGES = ["plan", BLOCK_BAD_INPUTS, "--entities", "8", *CAMERA_BAD_INPUTS]
 FOLDER = "'here', a folder"
+NO_ENTITIES = "--entities must name edges, rims or arcs, or a file of them"
 
 FILES = {
     "twice.json": '{"a": 17, "a": 18}',
@@ -972,6 +982,9 @@ FILES = {
     "camera.toml": "focal_length_mm = 8.0",
     "empty.toml": "",
     "lamps.toml": "lamp = 3",
+    "whole_camera.toml": "name = 'left'\npixel_pitch_mm = 0.00345\nf_number = 8.0",
+    "cell.toml": "home_deg = [0, 0]\n[robot]\nurdf = 'ur10.urdf'",
+    "table.toml": "[dimensions]\na = { distance = [25, 27], max_error = 0.1 }",
 }
 
 BAD_BAD_INPUTS = {
@@ -1027,6 +1040,22 @@ BAD_BAD_INPUTS = {
     "a dimension of an unknown id": (
         ["optics", BLOCK_BAD_INPUTS, "--dimensions", "dimensions.toml"],
         "--dimensions dimensions.toml: dimension 'a': an edge id must be in 0..35. Got 999.",
+    ),
+    "dimensions for entities": (
+        ["plan", BLOCK_BAD_INPUTS, "--entities", "table.toml", *CAMERA_BAD_INPUTS],
+        f"{NO_ENTITIES}. Got 'table.toml', a file of dimensions; give it to --dimensions.",
+    ),
+    "dimensions without a table for entities": (
+        ["graph", BLOCK_BAD_INPUTS, "--entities", "dimensions.toml", "--graphml", "g.graphml"],
+        f"{NO_ENTITIES}. Got 'dimensions.toml', a file of dimensions.",
+    ),
+    "a camera for entities": (
+        ["plan", BLOCK_BAD_INPUTS, "--entities", "whole_camera.toml", *CAMERA_BAD_INPUTS],
+        f"{NO_ENTITIES}. Got 'whole_camera.toml', a camera file; give it to --camera.",
+    ),
+    "a cell for dimensions": (
+        ["plan", BLOCK_BAD_INPUTS, "--dimensions", "cell.toml", *CAMERA_BAD_INPUTS],
+        "--dimensions must be 'all' or a file of dimensions. Got 'cell.toml', a cell file; give it to --cell.",
     ),
     "a share of no tolerance": (
         [*EDGES, "--share", "0.3"],

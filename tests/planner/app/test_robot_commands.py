@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from robot_cells import ROBOTS
 
-from planner import Backlight, Cell, LightPlan, LitImage, read_plan
+from planner import Backlight, Box, Cell, Fixturing, LightPlan, LitImage, read_plan
 from planner.app.main import main
 from planner.app.robot_commands import print_lamp_note
 from planner.measuring.images import shots_of
@@ -53,6 +53,32 @@ def test_lamps_are_said_to_be_no_obstacles_where_they_stand_somewhere(capsys):
     assert (
         "no obstacles of the cell: lamp 1 at (100, 20, 300) mm in the frame of the part" in printed
     )
+    # an obstacle about a lamp that moves with the part, in every fixturing
+    middle = np.array([100.0, 20.0, 300.0])
+    two = replace(placed, lamps=np.array([middle, [0.0, 0.0, 500.0]]))
+    up = Fixturing(np.eye(4), {"lamp": Box(middle - 10, middle + 10)})
+    shift = np.eye(4)
+    shift[:3, 3] = (800.0, 300.0, 100.0)
+    moved = up.moved(shift)
+    print_lamp_note(replace(plan, light=placed), cell.with_fixturings({"up": up, "moved": moved}))
+    assert capsys.readouterr().out == ""
+    print_lamp_note(replace(plan, light=two), cell.with_fixturings({"up": up}))
+    printed = " ".join(capsys.readouterr().out.split())
+    assert (
+        "of the plan's lamps, these are no obstacles of the cell: lamp 2 at (0, 0, 500)" in printed
+    )
+    assert "lamp 1" not in printed
+    bare = Fixturing(np.eye(4))
+    print_lamp_note(replace(plan, light=placed), cell.with_fixturings({"up": up, "bare": bare}))
+    assert "lamp 1" in capsys.readouterr().out
+    # what stands beside a turntable does not turn with the part
+    axis = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    beside = Fixturing(np.eye(4), up.obstacles, axis=axis)
+    print_lamp_note(replace(plan, light=placed), cell.with_fixturings({"up": beside}))
+    assert "lamp 1" in capsys.readouterr().out
+    turned = Fixturing(np.eye(4), axis=axis, turning=up.obstacles)
+    print_lamp_note(replace(plan, light=placed), cell.with_fixturings({"up": turned}))
+    assert capsys.readouterr().out == ""
     # this one moves with the camera
     print_lamp_note(replace(plan, light=replace(placed, kind="ring")), cell)
     assert capsys.readouterr().out == ""
@@ -464,6 +490,14 @@ def test_links_without_bodies_are_told_with_every_table_and_program(tmp_path, ca
         assert f"warning: {words}" in " ".join(capsys.readouterr().out.split())
 
 
+def test_the_folder_of_a_plan_for_the_part_is_named(tmp_path, capsys):
+    (tmp_path / "plan.json").write_text("{}")
+    words = [PART_REACH_COMMAND, str(tmp_path), "--cell", cell_file(tmp_path)]
+    assert main(["reach", *words]) == 2
+    hint = f"a part; the plan seems to be {str(tmp_path)!r}, so exchange the two.\n"
+    assert capsys.readouterr().err.endswith(hint)
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -471,6 +505,11 @@ def test_links_without_bodies_are_told_with_every_table_and_program(tmp_path, ca
         (
             [PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", "none.toml"],
             "--cell must be an existing file. Got 'none.toml'",
+        ),
+        (
+            [PART_REACH_COMMAND, PLAN_REACH_COMMAND, "--cell", "CELL"],
+            f"the plan must be an existing plan file, or its folder. Got {PART_REACH_COMMAND!r}, a part; the plan "
+            f"seems to be {PLAN_REACH_COMMAND!r}, so exchange the two",
         ),
         ([PLAN_REACH_COMMAND, "none.off", "--cell", "CELL"], "the part must be an existing file"),
         (["none", PART_REACH_COMMAND, "--cell", "CELL"], "the plan must be an existing plan file"),

@@ -30,6 +30,7 @@ from measured_plate import (
     photograph,
     thick_plate,
 )
+from PIL import Image
 from plan_examples import changed, witness
 from scipy.ndimage import map_coordinates
 
@@ -542,6 +543,25 @@ def test_qif_names_the_camera_and_the_plan(results):
         f"SHA-256 {results.source.plan_digest}",
     ]
     assert faults(qif_text(results)) == []
+
+
+def test_qif_and_json_name_the_files_of_images(solid, images, exact, results, tmp_path):
+    """A URI has no blanks (RFC 3986); images that are arrays keep the names of their settings."""
+    assert results.source.image_files == {}
+    files = {}
+    for number, name in ((1, "first one.png"), (2, "setting_02.PNG")):
+        files[number] = tmp_path / name
+        Image.fromarray(images[number]).save(files[number])
+    stored = measure(measured_plan(solid), solid, files, registration=exact)
+    names = {"setting_01": "first one.png", "setting_02": "setting_02.PNG"}
+    assert stored.to_dict()["source"]["image_files"] == names
+    for one, expected in (
+        (stored, ["plan.json", "first%20one.png", "setting_02.PNG"]),
+        (results, ["plan.json", "setting_01", "setting_02"]),
+    ):
+        root = ET.fromstring(qif_text(one))
+        assert [element.text for element in by_tag(root, "URI")] == expected
+        assert faults(qif_text(one)) == []
 
 
 def test_a_deviation_that_rounds_to_nothing_has_no_sign(results):

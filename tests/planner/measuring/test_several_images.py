@@ -207,6 +207,11 @@ def test_entities_of_one_image_give_the_position_that_the_image_gives(solid, pos
     images = {1: photograph(fine_plate(left=0.02), POSES_OF_ALL[:1])[1]}
     one, other = (measure(each, solid, images)["bolt"] for each in (planned, apart))
     assert len(other.readings) == 4
+    (note,) = [note for note in other.notes if "by itself" in note]
+    assert note.startswith(
+        "no setting is planned for all of it, so each entity is read by itself in setting_01: "
+    )
+    assert note.count("setting_01") == 1
     assert other.value == pytest.approx(one.value, abs=0.3 * one.standard_uncertainty)
     assert other.standard_uncertainty == pytest.approx(one.standard_uncertainty, rel=0.2)
     assert other.bonus_mm == pytest.approx(one.bonus_mm, abs=0.005)

@@ -8,7 +8,10 @@ import measured_plate as plate
 import pytest
 from plan_examples import changed
 
+from aspectgraph import ModelDimension
+from aspectgraph.dimensions.geometric import GeometricTolerance
 from errors.measurands import Circle, Line
+from planner import dimensions_to_plan, read_plan
 from planner.report.coverage import (
     ALL,
     NONE,
@@ -63,6 +66,31 @@ def test_each_requirement_is_marked_once_with_settings_or_the_reason(plan):
     assert rows[1].text == "1 of 2; setting 1; outside the field of view"
     assert rows[1].boxes == ["2× ⌀", "16 ±0.1"]
     assert verdict_text(rows) == "1 of 3 requirements covered. 1 requirement in part."
+
+
+def test_what_is_not_planned_stands_in_its_frame_after_reading_too(plan, tmp_path):
+    """As ISO 1101 writes it: symbol, zone, datums."""
+    face = GeometricTolerance(
+        "Perp.1", "perpendicularity", 1.5, False, "", ("A",), None, (), 1, "no edge"
+    )
+    profile = GeometricTolerance(
+        "Prof.1", "surface profile", 1.25, False, "M", ("A", "B(M)", "C"), None, (), 1, "no edge"
+    )
+    size = ModelDimension(
+        "Size.1", "diameter", 20.0, (-0.1, 0.05), None, "no rim", geometry=20.0, role="reference"
+    )
+    _, left_out = dimensions_to_plan([face, profile, size])
+    written = replace(plan, not_planned=left_out).write(tmp_path / "plan.json")
+    for read in (replace(plan, not_planned=left_out), read_plan(written)):
+        rows = coverage(read)[-3:]
+        assert [row.boxes for row in rows] == [
+            ["⊥", "1.5", "A"],
+            ["surface profile", "1.25 (M)", "A", "B(M)", "C"],
+            ["⌀", "(20 +0.05/-0.1)"],
+        ]
+        assert rows[0].text == "no edge"
+    page = str(coverage_html(read_plan(written)))
+    assert "<span>⊥</span><span>1.5</span><span>A</span>" in page
 
 
 def test_a_long_reason_stands_once(plan):

@@ -99,6 +99,49 @@ def test_each_point_is_drawn_with_the_colour_of_its_state(results):
         assert sum(path.d.count("M") for path in dots if path.color == COLOURS[state]) == n
 
 
+def luminance(colour):
+    """Return the relative luminance of a colour, as WCAG 2 defines it."""
+    parts = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722))
+
+
+def contrast(first, second):
+    dark, light = sorted(map(luminance, (first, second)))
+    return (light + 0.05) / (dark + 0.05)
+
+
+def test_states_have_colours_of_their_own_and_grey_is_not_twice():
+    """Weak and outside differ in lightness, which everybody sees, and show on the plot and on dark images."""
+    assert len(set(COLOURS.values())) == len(COLOURS)
+    pair = COLOURS[State.WEAK], COLOURS[State.OUTSIDE]
+    assert contrast(*pair) > 1.5
+    for colour in pair:
+        assert min(contrast(colour, "#f5f7f9"), contrast(colour, "#111111")) > 2.8
+
+
+@needs_browser
+def test_printed_labels_of_distances_lie_in_their_plot(page, tmp_path):
+    file = tmp_path / "report.html"
+    file.write_text(page, encoding="utf-8")
+    folder = tmp_path / "browser"
+    browser = Browser(folder)
+    try:
+        shown = browser.page(file)
+        for media in ("screen", "print"):
+            shown.call("Emulation.setEmulatedMedia", media=media)
+            inside = shown.run(
+                "[...document.querySelectorAll('svg.plot text')].map((text) => {"
+                " const a = text.getBBox(), b = text.ownerSVGElement.viewBox.baseVal;"
+                " return a.y >= 0 && a.y + a.height <= b.height; })"
+            )
+            assert inside
+            assert all(inside)
+    finally:
+        browser.close()
+        shutil.rmtree(folder, ignore_errors=True)
+
+
 def test_a_position_is_decided_in_a_disc_and_not_in_a_tolerance(results):
     position = replace(results["left"], kind="position", tolerance=(0.0, 0.3), accepted=None)
     assert value_bar(position, results.rule) is None

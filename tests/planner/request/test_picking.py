@@ -255,6 +255,11 @@ def test_classes_have_the_limits_that_the_plan_takes(browser, part, tmp_path):
     assert page.run("choice.record()")["rows"][0]["asked"]["tolerance"] == "h12"
     page.run("$('tolerance').value = 'C19'; chosen()")
     assert "or a class like H7" in page.run("$('fault').textContent")
+    page.run("$('tolerance').value = '+0,05/-0,02'; chosen()")
+    assert "decimal point, so write +0.05/-0.02" in page.run("$('fault').textContent")
+    # the comma between two numbers is none of a number
+    page.run("$('tolerance').value = '-0.1,0.1'; chosen()")
+    assert "or a class like H7" in page.run("$('fault').textContent")
     assert page.run("$('toml').value") == ""
     assert page.complaints == []
     page.close()
@@ -458,6 +463,11 @@ def test_a_hole_and_its_datums_that_are_clicked_become_a_position(browser, part,
     assert targets[0].measurand.datum_names(targets[0].entities) == [f"e{along}", f"e{across}"]
     assert targets[1].permitted_error == targets[0].permitted_error == 0.05
     # without a zone there is no file
+    page.run(
+        "[...choice.tolerances.keys()].forEach((k) => choice.tolerances.set(k, ' 0,3')); chosen()"
+    )
+    assert "numbers need a decimal point, so write 0.3" in page.run("$('fault').textContent")
+    assert page.run("$('save').disabled")
     page.run("choice.tolerances.clear(); chosen()")
     assert "needs its zone" in page.run("$('fault').textContent")
     assert page.run("$('save').disabled")

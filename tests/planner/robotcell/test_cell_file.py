@@ -111,6 +111,11 @@ CASES = {
         'bodiless_links = "link_1"',
         "bodiless_links must be \"all\" or a list of links behind joints. Got 'link_1'",
     ),
+    "metres": (
+        "[0.0, 0.0, 1.0, 120.0]",
+        "[0.0, 0.0, 1.0, 0.12]",
+        r"cell.toml: cam2flange must be in mm. Got a lever of 0.12 mm; is it in metres\?",
+    ),
     "accelerations": (
         "accelerations = 1.4",
         "accelerations = [1, 2]",
