@@ -77,7 +77,7 @@ five parts were registered with 0.36 and more, and one of a bracket was not with
 _BESIDE_PX = (3.0, 1.5, 4.5, 6.0)
 _MARGIN_PX = 4.0
 # samples of an entity, and of all edges, that are looked at
-_MOST_SAMPLES = 96
+_MOST_SAMPLES = 192
 _MOST_OF_ALL = 240
 # samples that an entity has at least, before they are thinned
 _LEAST_SAMPLES = 10

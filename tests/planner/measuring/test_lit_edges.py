@@ -366,3 +366,12 @@ def test_what_is_too_dark_for_the_exposure_is_not_found():
     bright = _Seen(np.ones((1, 1), dtype=bool), np.array([[1.0]]), np.array([[[1.0], [np.inf]]]))
     np.testing.assert_array_equal(bright.under(np.array([1.01])), [[False]])
     np.testing.assert_array_equal(bright.under(np.array([2.0])), [[True]])
+
+
+def test_all_samples_of_a_rim_are_looked_at_for_what_is_apart(solid, plan, reads):
+    """Of 96 of the 152 samples of a rim, 0.802 were apart, and `measure` found 0.796 of all: it needs 0.8."""
+    edge = reads.model.entity(plan.targets["left"].geometry[0], "left")
+    samples = reads.model.edges.samples(POSES[0], CAMERA, [edge], 4.0)
+    assert 96 < len(samples.share) <= 192
+    light = reads.of_target(POSES[0], CAMERA, plan.targets["left"], 0.0)
+    assert len(light.entities[0].share) == len(samples.share)
