@@ -43,7 +43,7 @@ from .light_catalogue import light_names as light_names
 from .lights import LightShows as LightShows
 from .lights import compare_lights as compare_lights
 from .lights import plan_light as plan_light
-from .measuring.measurer import MeasureOptions as MeasureOptions
+from .measuring.measure_options import MeasureOptions as MeasureOptions
 from .measuring.measurer import Measurer as Measurer
 from .measuring.measurer import measure as measure
 from .measuring.reading import Reading as Reading

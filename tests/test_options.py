@@ -1,7 +1,7 @@
 """Public calls with many options take them by keyword, each shown with its default, and no other."""
 
 import inspect
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, fields, replace
 from types import SimpleNamespace
 
 import pytest
@@ -62,6 +62,61 @@ def test_every_option_of_a_plan_reaches_it(monkeypatch):
         assert others == [1, 2, 3, 4]
         assert {name: getattr(options, name) for name in values} == values
     assert seen[1] == (1, None, seen[0][-1])
+
+
+def test_measure_takes_each_option_of_a_measurer_with_its_default():
+    """By keyword; None stands for a default that is made anew."""
+    shown = dict(inspect.signature(planner.measure).parameters)
+    by_method = dict(inspect.signature(planner.Measurer.measure).parameters)
+    defaults = planner.MeasureOptions()
+    for field in fields(planner.MeasureOptions):
+        default = getattr(defaults, field.name)
+        assert shown[field.name].default is (None if field.default is MISSING else default)
+    named = [name for name, p in by_method.items() if p.kind is p.KEYWORD_ONLY]
+    assert {"serial", "operator", "partial", "allow_lossy"} < set(named)
+    assert [shown[name] for name in named] == [by_method[name] for name in named]
+    assert by_method["options"].default is None
+
+
+def test_every_option_of_measure_reaches_the_measurer(monkeypatch):
+    seen = []
+
+    class Recorder:
+        def __init__(self, *given):
+            seen.append(given)
+
+        def measure(self, *given, **named):
+            seen.append((given, named))
+
+    monkeypatch.setattr("planner.measuring.measurer.Measurer", Recorder)
+    options = {
+        "registration": planner.Registration.none(0.1),
+        "localisation": planner.Localisation.gaussian(),
+        "coverage": 0.7,
+        "rule": planner.DecisionRule.simple(),
+        "white_level": 4095,
+        "response": "srgb",
+        "edge_break_mm": (0.1, 0.3),
+        "repeatability": planner.PoseUncertainty.isotropic(translation_mm=1, rotation_rad=0.1),
+    }
+    run = {"serial": "A1", "operator": "A. Meyer", "partial": True, "allow_lossy": True}
+    planner.measure(1, 2, "images", **options, **run)
+    planner.measure(1, 2, "images")
+    assert seen[0] == (1, 2)
+    (images, made), named = seen[1]
+    assert images == "images"
+    assert {field.name for field in fields(made)} == set(options)
+    assert {name: getattr(made, name) for name in options} == options
+    assert named == {**run, "progress": None}
+    (_, usual), _ = seen[3]
+    assert usual.registration.method == "own edges"
+    default = planner.MeasureOptions()
+    assert replace(usual, registration=default.registration) == default
+
+
+def test_the_options_of_a_measurer_are_of_their_kind():
+    with pytest.raises(planner.RequestError, match=r"repeatability must be a PoseUncertainty"):
+        planner.MeasureOptions(repeatability=0.02)
 
 
 @pytest.mark.parametrize("call", [planner.predict, planner.propose_optics])
