@@ -257,7 +257,8 @@ def compare_lights(
     """
     check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"))
     if why := plan.request.other_part(solid):
-        raise RequestError.of_rule("solid", "must be the part of the plan", why)
+        rule = "must be the part of the plan"
+        raise RequestError.of_rule("solid", rule, f"{solid.name!r}, {why}")
     if material is not None:
         check_kinds(material=(material, "Material"))
     material = material or Material()

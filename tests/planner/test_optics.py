@@ -21,6 +21,7 @@ from planner import (
     plan_light,
     predict,
     propose_optics,
+    read_plan,
 )
 from planner.camera.camera import camera_parts
 from planner.inspection import with_light
@@ -201,6 +202,14 @@ def test_lights_show_only_what_is_read_as_in_a_plan():
     assert list(compared["lamps"].dark) == ["bore"]
     assert "5 px apart from other lines" in compared["lamps"].dark["bore"]
     assert light.unlit == (compared["lamps"].dark,)
+
+
+def test_lights_are_compared_on_the_part_of_the_plan():
+    plan = read_plan("examples/two_pocket_block_plan.json")
+    with pytest.raises(RequestError) as refused:
+        compare_lights(plan, crowded_plate())
+    rule = "solid must be the part of the plan"
+    assert str(refused.value) == f"{rule}. Got 'plate', which has another shape."
 
 
 @pytest.mark.parametrize(("given", "got"), [(3, "3"), ("x", "'x'"), ([3], "a list with 3")])
