@@ -40,6 +40,7 @@ from .light.mounted_light import DiffuseDome as DiffuseDome
 from .light.mounted_light import RingLight as RingLight
 from .light.reflection import Material as Material
 from .light_catalogue import light_names as light_names
+from .lights import LightComparison as LightComparison
 from .lights import LightShows as LightShows
 from .lights import compare_lights as compare_lights
 from .lights import plan_light as plan_light

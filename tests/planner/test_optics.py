@@ -12,6 +12,7 @@ from planner import (
     Dimension,
     Effort,
     LampDome,
+    LightComparison,
     Lighting,
     PoseUncertainty,
     Registration,
@@ -198,7 +199,9 @@ def test_lights_show_only_what_is_read_as_in_a_plan():
     light = plan_light(plan, solid, dome)
     planned = with_light(plan, solid, Lighting(dome))
     assert planned.uninspectable["bore"].kind is ReasonKind.NOT_SHOWN
-    compared = {item.kind: item for item in compare_lights(plan, solid)}
+    lights = compare_lights(plan, solid)
+    assert isinstance(lights, LightComparison)
+    compared = {item.kind: item for item in lights}
     assert list(compared["lamps"].dark) == ["bore"]
     assert "5 px apart from other lines" in compared["lamps"].dark["bore"]
     assert light.unlit == (compared["lamps"].dark,)
