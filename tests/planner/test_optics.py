@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 from contrast_lamps import contrast_lamps
@@ -145,8 +146,10 @@ def test_table_and_records(proposals):
 
 def test_a_proposal_shows_itself(proposals):
     one = proposals[0]
-    told = f"{one.body} with {one.lens}, f/{one.camera.f_number:g} at {one.working_distance_mm:g} mm: 2 of 2 items"
+    told = f"{one.body} with {one.lens}, f/{one.camera.f_number:g} at {one.working_distance_mm:g} mm: 2 of 2 targets"
     assert repr(one) == f"<OpticsProposal: {told}>"
+    alone = replace(one, probability={"rim": 1.0}, share={"rim": 0.5})
+    assert repr(alone).endswith("mm: 1 of 1 target>")
 
 
 def test_the_same_again(proposals):
