@@ -237,3 +237,13 @@ def test_the_defaults_of_a_camera_file_are_as_the_page_says(tmp_path):
     assert camera.resolution == (2448, 2048)
     # its first pixel's centre is (0.5, 0.5)
     assert camera.principal_point_px == pytest.approx((1231.1, 1018.7))
+
+
+def test_a_notebook_has_the_true_values_of_the_guide():
+    """Both know them from the same rendering, and show them with three decimals."""
+    script = (ROOT / "notebooks/measuring.py").read_text("utf-8")
+    stated = json.loads(re.search(r"^true = (\{.*\})$", script, re.M)[1])
+    assert {name: f"{value:.3f}" for name, value in stated.items()} == TABLES.TRUE
+    stored = (ROOT / "notebooks/measuring.ipynb").read_text("utf-8")
+    shown = re.findall(r"(\w+) +[\d.]+ ± [\d.]+ mm   true +([\d.]+) ", stored)
+    assert dict(shown) == TABLES.TRUE
