@@ -193,6 +193,11 @@ def binomial_interval(
     upper : array
         Upper ends; 1 without failures.
 
+    Raises
+    ------
+    InvalidParameterError
+        If a number of successes is not in [0, samples], or another argument breaks its rule.
+
     References
     ----------
     C. J. Clopper and E. S. Pearson, "The use of confidence or fiducial limits illustrated in the case of the binomial",
@@ -205,7 +210,13 @@ def binomial_interval(
     >>> round(float(low), 3), round(float(high), 3)
     (0.398, 0.602)
     """
-    hits = np.asarray(hits, dtype=np.float64)
+    samples = check_count(samples, "samples")
+    confidence = check_probability(confidence, "confidence")
+    hits = check_finite(hits, "hits")
+    wrong = hits[(hits < 0) | (hits > samples) | (hits % 1 != 0)]
+    if wrong.size:
+        rule = f"must be integers from 0 to samples, {samples}"
+        raise InvalidParameterError.of_rule("hits", rule, f"{wrong[0]:g}")
     tail = 0.5 * (1.0 - confidence)
     lower = np.where(hits > 0, betaincinv(np.maximum(hits, 1), samples - hits + 1, tail), 0.0)
     upper = np.where(

@@ -789,7 +789,7 @@ class _Record(_Kind):
         """Refuse an unknown key, and a missing one."""
         for key in data:
             if key not in self.fields:
-                rule = f"must be one of {', '.join(self.fields)}"
+                rule = f"must be left out, or renamed to one of {', '.join(self.fields)}"
                 near = difflib.get_close_matches(str(key), self.fields, n=1)
                 nearest = "".join(f"; the nearest is {name}" for name in near)
                 raise _Refusal((*path, key), rule, got=f"an unknown field{nearest}")

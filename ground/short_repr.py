@@ -97,6 +97,10 @@ def _value(value: Any) -> str:
     if shape:
         return f"<{' × '.join(map(str, shape))} array>"
     text = f"{value:.6g}" if isinstance(value, float) else repr(value)
+    if type(value) is tuple and value and all(type(number) is float for number in value):
+        # noise of a conversion of units says nothing
+        short = ", ".join(repr(float(f"{number:.6g}")) for number in value)
+        text = f"({short}{',' * (len(value) == 1)})"
     if len(text) <= _LONGEST_VALUE and "\n" not in text:
         return text
     if isinstance(value, str):

@@ -41,7 +41,7 @@ plan
 
 # %%
 results = measure(plan, solid, examples / "measured/images")
-true = {"bore_25": 24.8098, "bore_35": 34.9835, "slot_width": 49.9978, "bore_35_back": 34.8587}
+true = {"bore_25": 24.810, "bore_35": 34.984, "slot_width": 49.998, "bore_35_back": 34.859}
 for one in results:
     print(
         f"{one.name:13} {one.value:8.3f} ± {one.expanded_uncertainty:.3f} mm"

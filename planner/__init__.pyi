@@ -40,10 +40,11 @@ from .light.mounted_light import DiffuseDome as DiffuseDome
 from .light.mounted_light import RingLight as RingLight
 from .light.reflection import Material as Material
 from .light_catalogue import light_names as light_names
+from .lights import LightComparison as LightComparison
 from .lights import LightShows as LightShows
 from .lights import compare_lights as compare_lights
 from .lights import plan_light as plan_light
-from .measuring.measurer import MeasureOptions as MeasureOptions
+from .measuring.measure_options import MeasureOptions as MeasureOptions
 from .measuring.measurer import Measurer as Measurer
 from .measuring.measurer import measure as measure
 from .measuring.reading import Reading as Reading

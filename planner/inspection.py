@@ -22,7 +22,7 @@ from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from concurrent.futures import Executor
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -54,7 +54,12 @@ from planner.light.lighting import Lighting, RingSpace
 from planner.lights import readable_light
 from planner.measuring.foreseen import foreseen_in_time
 from planner.measuring.planned_edges import registered_problem
-from planner.options import InspectionOptions, RunOptions, options_or_default
+from planner.options import (
+    InspectionKeywords,
+    InspectionOptions,
+    RunOptions,
+    options_or_default,
+)
 from planner.plan import InspectionPlan
 from planner.progress import TimeIsUpError, labelled
 from planner.request.dimension import Dimension
@@ -81,7 +86,7 @@ def plan_inspection(
     camera: Camera,
     pose_uncertainty: PoseUncertainty,
     options: InspectionOptions | None = None,
-    **keywords: Any,
+    **keywords: Unpack[InspectionKeywords],
 ) -> InspectionPlan:
     """Plan the inspection of entities of a part.
 

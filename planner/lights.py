@@ -12,7 +12,7 @@ import numpy as np
 
 from aspectgraph.light import DEFAULT_CONTRAST
 from ground.convert import Meta
-from ground.notebook import NotebookView, ShownInNotebook, Toned
+from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
 from planner.argument_kinds import check_kinds
 from planner.exceptions import RequestError
 from planner.light.area_lights import AREA_LIGHTS, area_of_word
@@ -211,13 +211,50 @@ class LightShows(ShownInNotebook):
         return f"{len(self.shown)} of {count(len(self.shown) + len(self.dark), 'target')}"
 
 
+class LightComparison(tuple[LightShows, ...], ShownInNotebook):
+    """What each kind of light shows: a tuple that notebooks show as a table.
+
+    Parameters
+    ----------
+    iterable : iterable of LightShows, optional
+        The lights, the best first. Default: none.
+
+    Examples
+    --------
+    >>> from planner import LightComparison, LightShows
+    >>> LightComparison([LightShows("coaxial", "a window of 50 mm", ("d1",))])
+    <LightComparison of 1 light: coaxial 1 of 1 target>
+    """
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        shown = ", ".join(f"{item.kind} {item._counted()}" for item in self)
+        return f"<LightComparison of {count(len(self), 'light')}: {shown or 'nothing'}>"
+
+    def _notebook_view(self) -> NotebookView:
+        """Return a table of the lights, each with the first reasons why it does not show the others."""
+        rows = []
+        for item in self:
+            reasons = [f"{name}: {reason}" for name, reason in item.dark.items()]
+            more = len(reasons) - _SHOWN_REASONS
+            text = "; ".join(reasons[:_SHOWN_REASONS]) + f"; and {more} more" * (more > 0)
+            tone = "bad" if item.dark else "good"
+            rows.append((item.kind, Toned(item._counted(), tone), item.light, text))
+        headings = ("light", "shows", "size", "why not the others")
+        return NotebookView(count(len(self), "light"), (), NotebookTable(headings, rows))
+
+
+# in the row of a light
+_SHOWN_REASONS = 3
+
+
 def compare_lights(
     plan: InspectionPlan,
     solid: Solid,
     material: Material | None = None,
     *,
     progress: Progress | None = None,
-) -> tuple[LightShows, ...]:
+) -> LightComparison:
     """Return what each kind of light shows of the targets of a plan; the first one shows most.
 
     The settings stay as they are. A plan that was made for one light has settings that suit it. So
@@ -236,9 +273,9 @@ def compare_lights(
 
     Returns
     -------
-    tuple of LightShows
-        A backlight, a diffuse dome, coaxial light, a ring, and the best small lamps. Of two that
-        show as many targets, the simpler one is first, in this order. The same for the same
+    LightComparison
+        A tuple of `LightShows`: a backlight, a diffuse dome, coaxial light, a ring, and the best
+        small lamps. Of two that show as many targets, the simpler one is first, in this order. The same for the same
         arguments.
 
     Raises
@@ -257,7 +294,8 @@ def compare_lights(
     """
     check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"))
     if why := plan.request.other_part(solid):
-        raise RequestError.of_rule("solid", "must be the part of the plan", why)
+        rule = "must be the part of the plan"
+        raise RequestError.of_rule("solid", rule, f"{solid.name!r}, {why}")
     if material is not None:
         check_kinds(material=(material, "Material"))
     material = material or Material()
@@ -269,7 +307,7 @@ def compare_lights(
         if shown is not None:
             shown(k + 1, len(kinds), "")
     # sorted keeps the order of equals
-    return tuple(sorted(compared, key=lambda item: -len(item.shown)))
+    return LightComparison(sorted(compared, key=lambda item: -len(item.shown)))
 
 
 def _shows(kind: str, plan: InspectionPlan, solid: Solid, material: Material) -> LightShows:

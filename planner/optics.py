@@ -586,9 +586,10 @@ class OpticsProposal:
     poses: dict[str, NDArray[np.float64]] = field(compare=False)
 
     def __repr__(self) -> str:
-        """Show the optics and how many items they measure as required."""
+        """Show the optics and how many targets they measure as required."""
         setup = f"f/{self.camera.f_number:g} at {self.working_distance_mm:g} mm"
-        return f"<OpticsProposal: {self.camera.name}, {setup}: {len(self.able)} of {len(self.probability)} items>"
+        targets = count(len(self.probability), "target")
+        return f"<OpticsProposal: {self.camera.name}, {setup}: {len(self.able)} of {targets}>"
 
     @property
     def working_distance_mm(self) -> float:

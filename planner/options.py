@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -320,6 +320,38 @@ class InspectionOptions(RunOptions):
             focus_reserve=reserve,
             showing=check_showing(self.showing, camera),
         )
+
+
+class InspectionKeywords(TypedDict, total=False):
+    """The keywords of `plan_inspection`, for type checkers: the fields of `InspectionOptions`, which states them."""
+
+    time_limit_s: float | None
+    on_incumbent: Callable[[InspectionPlan], object] | None
+    state: str | os.PathLike[str] | None
+    executor: Executor | None
+    progress: Callable[..., Any] | None
+    space: Space | None
+    accuracy: float
+    probability: float
+    rng: int | np.random.Generator
+    workspace: ArrayLike | None
+    stand_off_mm: float
+    min_length_px: float
+    field_margin_px: float | None
+    visibility_radius_mm: float | None
+    focus_margin_mm: float | None
+    showing: Detectability
+    reach: Reach | None
+    cell: Cell | None
+    lamps: Any
+    effort: Effort | None
+    localisation: Localisation | None
+    surfaces_mm: float | None
+    registration: Any
+    edge_break_mm: tuple[float, float] | None
+    split: str
+    poses: Any
+    gap: float
 
 
 def options_or_default(options: InspectionOptions | None) -> InspectionOptions:

@@ -96,6 +96,15 @@ class InspectionPlan(PlanTables):
         where the time limit ended before.
     made : Made or None
         When, by whom and by which program the command line made the plan. Plans that differ only in it are equal.
+
+    Examples
+    --------
+    >>> from planner import read_plan
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> plan.complete, len(plan.settings), plan.lower_bound
+    (True, 1, 1)
+    >>> plan.settings[0].entities
+    ('e1', 'e4')
     """
 
     request: Request

@@ -212,6 +212,15 @@ class SensorSetting:
         In plans for a robot cell. ``clearance_robot_mm`` is the distance of the ``closest`` two
         objects, ``to_limit_rad`` that of the joints from their limits. ``singular_value`` is the
         smallest of the Jacobian with lengths divided by 500 mm.
+
+    Examples
+    --------
+    >>> from planner import read_plan
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> plan.settings[0]
+    <SensorSetting: 2 targets from (164.1, 133.0, 290.8) mm, smallest probability > 0.9999>
+    >>> plan.settings[0].cam2world.shape
+    (4, 4)
     """
 
     cam2world: Pose

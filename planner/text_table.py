@@ -125,6 +125,25 @@ def data_frame(rows: list[dict[str, Any]]) -> Any:
     return pandas.DataFrame(rows)
 
 
+def share_text(share: float, limit: float) -> str:
+    """Return a share in %, with a digit more where it is below a limit and would read the same.
+
+    Parameters
+    ----------
+    share, limit : float
+        Shares of 1.
+
+    Examples
+    --------
+    >>> share_text(0.797, 0.8), share_text(0.53, 0.8)
+    ('79.7', '53')
+    """
+    short = f"{100 * share:.0f}"
+    is_same = share < limit and short == f"{100 * limit:.0f}"
+    # rounded down, it stays below
+    return f"{math.floor(1000 * share + 1e-9) / 10:.1f}" if is_same else short
+
+
 def digits_text(value: float, digits: int) -> str:
     """Return a number with so many significant digits as a person writes it, without an exponent.
 

@@ -212,9 +212,9 @@ def test_the_fields_of_a_camera_file_are_those_that_are_read(tmp_path):
             assert name.strip("`").endswith(f"_{unit}")
     file = tmp_path / "left.toml"
     file.write_text("field = 1\n")
-    with pytest.raises(CameraError, match="must be one of ") as refusal:
+    with pytest.raises(CameraError, match="must be left out, or renamed to one of ") as refusal:
         Camera.from_toml(file)
-    listed = re.search("must be one of (.*?)\\.", str(refusal.value))[1].split(", ")
+    listed = re.search("renamed to one of (.*?)\\.", str(refusal.value))[1].split(", ")
     assert listed == list(known)
 
 
@@ -237,3 +237,13 @@ def test_the_defaults_of_a_camera_file_are_as_the_page_says(tmp_path):
     assert camera.resolution == (2448, 2048)
     # its first pixel's centre is (0.5, 0.5)
     assert camera.principal_point_px == pytest.approx((1231.1, 1018.7))
+
+
+def test_a_notebook_has_the_true_values_of_the_guide():
+    """Both know them from the same rendering, and show them with three decimals."""
+    script = (ROOT / "notebooks/measuring.py").read_text("utf-8")
+    stated = json.loads(re.search(r"^true = (\{.*\})$", script, re.M)[1])
+    assert {name: f"{value:.3f}" for name, value in stated.items()} == TABLES.TRUE
+    stored = (ROOT / "notebooks/measuring.ipynb").read_text("utf-8")
+    shown = re.findall(r"(\w+) +[\d.]+ ± [\d.]+ mm   true +([\d.]+) ", stored)
+    assert dict(shown) == TABLES.TRUE

@@ -36,9 +36,9 @@ RESULTS = {
     "ListOfEntities", "ModelDimension", "PartitionSurface", "Rim", "SectionDrawing",
     "VisibilityRegions", "AxisDisplacement", "DisplacementTerms", "MonteCarloEstimate",
     "SegmentDisplacement", "SegmentError", "GAResult", "Generation", "History", "Cover",
-    "InspectionPlan", "LightPlan", "LitImage", "OpticsProposal", "PartResult", "PlannedDimension",
-    "Decision", "MeasurementResults", "PosePrediction", "ReachedPlan", "Reading", "ReasonKind", "Result",
-    "SensorSetting", "SimulationResult", "SuccessRate",
+    "LitImage", "OpticsProposal", "PartResult", "PlannedDimension",
+    "Decision", "PosePrediction", "ReachedPlan", "Reading", "ReasonKind",
+    "SimulationResult", "SuccessRate",
 }  # fmt: skip
 
 

@@ -1,5 +1,6 @@
 """What notebooks show of parts, graphs, plans, lamps and results, in a real browser: readable at any width."""
 
+import pickle
 import re
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from planner import (
     ArmUncertainty,
     Cell,
     GivenPose,
+    LightComparison,
     Lighting,
     LightShows,
     PartResult,
@@ -74,6 +76,7 @@ def values():
         "program": programmed(),
         "parts": PARTS,
         "shows": SHOWS,
+        "compared": LightComparison([SHOWS]),
         "reached": reached(),
         "celled": celled(),
     }
@@ -356,6 +359,25 @@ def test_a_light_says_what_it_shows_and_why_not_all():
     assert repr(SHOWS) == "<LightShows 'coaxial': 2 of 3 targets>"
     whole = replace(SHOWS, dark={})
     assert f'color:{TONES["good"]}">It shows 2 of 2 targets.<' in whole._repr_html_()
+
+
+def test_compared_lights_are_a_table_with_reasons_and_a_tuple():
+    dark = {f"e{k}": f"reason {k}" for k in range(5)}
+    both = LightComparison((SHOWS, replace(SHOWS, kind="lamps", dark=dark)))
+    html = both._repr_html_()
+    assert "<b>2 lights</b>" in html
+    assert "d3: only 70 % of &lt;r0&gt; shows<" in html
+    assert "e0: reason 0; e1: reason 1; e2: reason 2; and 2 more<" in html
+    assert "reason 3" not in html
+    assert (
+        repr(both) == "<LightComparison of 2 lights: coaxial 2 of 3 targets, lamps 2 of 7 targets>"
+    )
+    first, second = both
+    assert (first, second) == both == tuple(both)
+    assert both[0] is SHOWS
+    assert pickle.loads(pickle.dumps(both)) == both
+    whole = LightComparison([replace(SHOWS, dark={})])
+    assert f'color:{TONES["good"]}">2 of 2 targets' in whole._repr_html_()
 
 
 def test_what_an_arm_reaches_is_a_table():

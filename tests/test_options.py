@@ -1,7 +1,7 @@
 """Public calls with many options take them by keyword, each shown with its default, and no other."""
 
 import inspect
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, fields, replace
 from types import SimpleNamespace
 
 import pytest
@@ -9,6 +9,8 @@ import pytest
 import errors
 import ga
 import planner
+from planner.options import InspectionKeywords
+from planner.request.dimension import RequirementInDeg, RequirementInMm
 
 CALLS = [
     (ga.maximize, 21),
@@ -17,6 +19,16 @@ CALLS = [
     (planner.plan_setting, 19),
     (planner.simulate_setting, 9),
 ]
+CONSTRUCTORS = (
+    *("length", "distance", "angle", "diameter", "radius", "centre_distance", "centre_to_edge"),
+    *("position", "symmetry", "coaxiality"),
+)
+# what a position needs to be made at all
+ENTITIES = {
+    "position": {"rim": "r3", "datums": [17], "zone_mm": 0.2},
+    "symmetry": {"edges": [17, 18], "datum": [3, 4], "zone_mm": 0.2},
+    "coaxiality": {"rim": "r3", "datum": "r1", "zone_mm": 0.2},
+}
 
 
 @pytest.mark.parametrize(("call", "n"), CALLS)
@@ -38,6 +50,37 @@ def test_the_options_of_a_plan_are_one_value_with_defaults():
     (options,) = list(inspect.signature(planner.plan_inspection).parameters.values())[4:5]
     assert (options.name, options.default) == ("options", None)
     assert all(field.default is not MISSING for field in fields(planner.InspectionOptions))
+
+
+def test_type_checkers_know_the_keywords_of_a_plan():
+    """They read the annotation; names and types are those of the record."""
+    keywords = inspect.signature(planner.plan_inspection).parameters["keywords"]
+    assert keywords.annotation == f"Unpack[{InspectionKeywords.__name__}]"
+    # a dataclass keeps its annotations as texts, a TypedDict wraps them
+    texts = {field.name: field.type for field in fields(planner.InspectionOptions)}
+    stated = InspectionKeywords.__annotations__
+    assert {name: kind.__forward_arg__ for name, kind in stated.items()} == texts
+    assert not InspectionKeywords.__required_keys__
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [(name, RequirementInDeg if name == "angle" else RequirementInMm) for name in CONSTRUCTORS],
+)
+def test_type_checkers_know_the_keywords_of_a_dimension(name, kind):
+    """Every keyword that they know is a field of a dimension, and no other is taken."""
+    call = getattr(planner.Dimension, name)
+    keywords = inspect.signature(call).parameters["requirement"]
+    assert keywords.annotation == f"Unpack[{kind.__name__}]"
+    known = {field.name for field in fields(planner.Dimension)}
+    units = {f"{word}_{unit}" for word in ("tolerance", "max_error") for unit in ("mm", "deg")}
+    assert set(kind.__annotations__) <= known | units
+    needed = [n for n, p in inspect.signature(call).parameters.items() if p.default is p.empty]
+    values = dict.fromkeys([n for n in needed if n != "requirement"], 1)
+    with pytest.raises(planner.RequestError, match="must be one of") as refused:
+        call(**{**values, **ENTITIES.get(name, {})}, colour="red")
+    words = str(refused.value).partition("one of ")[2].partition(". Got")[0]
+    assert set(words.split(", ")) == set(kind.__annotations__)
 
 
 def test_every_option_of_a_plan_reaches_it(monkeypatch):
@@ -62,6 +105,61 @@ def test_every_option_of_a_plan_reaches_it(monkeypatch):
         assert others == [1, 2, 3, 4]
         assert {name: getattr(options, name) for name in values} == values
     assert seen[1] == (1, None, seen[0][-1])
+
+
+def test_measure_takes_each_option_of_a_measurer_with_its_default():
+    """By keyword; None stands for a default that is made anew."""
+    shown = dict(inspect.signature(planner.measure).parameters)
+    by_method = dict(inspect.signature(planner.Measurer.measure).parameters)
+    defaults = planner.MeasureOptions()
+    for field in fields(planner.MeasureOptions):
+        default = getattr(defaults, field.name)
+        assert shown[field.name].default is (None if field.default is MISSING else default)
+    named = [name for name, p in by_method.items() if p.kind is p.KEYWORD_ONLY]
+    assert {"serial", "operator", "partial", "allow_lossy"} < set(named)
+    assert [shown[name] for name in named] == [by_method[name] for name in named]
+    assert by_method["options"].default is None
+
+
+def test_every_option_of_measure_reaches_the_measurer(monkeypatch):
+    seen = []
+
+    class Recorder:
+        def __init__(self, *given):
+            seen.append(given)
+
+        def measure(self, *given, **named):
+            seen.append((given, named))
+
+    monkeypatch.setattr("planner.measuring.measurer.Measurer", Recorder)
+    options = {
+        "registration": planner.Registration.none(0.1),
+        "localisation": planner.Localisation.gaussian(),
+        "coverage": 0.7,
+        "rule": planner.DecisionRule.simple(),
+        "white_level": 4095,
+        "response": "srgb",
+        "edge_break_mm": (0.1, 0.3),
+        "repeatability": planner.PoseUncertainty.isotropic(translation_mm=1, rotation_rad=0.1),
+    }
+    run = {"serial": "A1", "operator": "A. Meyer", "partial": True, "allow_lossy": True}
+    planner.measure(1, 2, "images", **options, **run)
+    planner.measure(1, 2, "images")
+    assert seen[0] == (1, 2)
+    (images, made), named = seen[1]
+    assert images == "images"
+    assert {field.name for field in fields(made)} == set(options)
+    assert {name: getattr(made, name) for name in options} == options
+    assert named == {**run, "progress": None}
+    (_, usual), _ = seen[3]
+    assert usual.registration.method == "own edges"
+    default = planner.MeasureOptions()
+    assert replace(usual, registration=default.registration) == default
+
+
+def test_the_options_of_a_measurer_are_of_their_kind():
+    with pytest.raises(planner.RequestError, match=r"repeatability must be a PoseUncertainty"):
+        planner.MeasureOptions(repeatability=0.02)
 
 
 @pytest.mark.parametrize("call", [planner.predict, planner.propose_optics])

@@ -39,6 +39,7 @@ from planner import (
     InspectionOptions,
     InspectionPlan,
     MeasureOptions,
+    Measurer,
     PartRequest,
     PlanFileError,
     PoseUncertainty,
@@ -165,6 +166,7 @@ def test_without_pandas_one_sentence_says_what_to_install(monkeypatch):
 
 ORDER = "the order of the arguments is"
 POSE_FILE = read_poses(ROOT / "examples/two_pocket_block_poses.yaml")
+MEASURER = Measurer(read_plan(PLAN), BLOCK)
 WRONG = [
     (lambda: plan_inspection(CAMERA, BLOCK, RIM, SIGMA), "solid must be a Solid", ORDER),
     (lambda: plan_inspection(BLOCK, CAMERA, RIM, SIGMA), "entities must be a mapping", ORDER),
@@ -199,6 +201,7 @@ WRONG = [
     (lambda: MeasureOptions("edges"), "registration must be a Registration", "own_edges"),
     (lambda: MeasureOptions(EDGES, rule="iso"), "rule must be a DecisionRule", "iso14253"),
     (lambda: MeasureOptions(EDGES, "gaussian"), "localisation must be a Localisation", "gaussian"),
+    (lambda: MEASURER.measure("images", {"coverage": 0.7}), "options must be a MeasureOpt", "Got"),
     (lambda: Registration.given("poses.json"), "poses must be a mapping", "Got 'poses.json'"),
     (lambda: read_plan(PLAN).simulated("many"), "n must be an integer", "Got 'many'"),
     (lambda: plan_folder("parts", CAMERA, "out"), "request must be a PartRequest", "Got 'out'"),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aspectgraph.exact.grid import LIMBS, POINT_BITS, Grid, as_points, meet, sign_at_point, turned
-from aspectgraph.exceptions import MemoryLimitError
+from aspectgraph.exceptions import MemoryLimitError, WorkspaceError
 from ground.decorators import entry_kernel, holds_value, kernel, kernel_without_refcounts, put
 from ground.short_repr import count
 
@@ -895,7 +895,11 @@ class CellSet:
         ------
         ValueError
             If the set is empty.
+        WorkspaceError
+            If `n` is no integer from 0.
         """
+        if not isinstance(n, int | np.integer) or isinstance(n, bool) or n < 0:
+            raise WorkspaceError.of_rule("n", "must be an integer of at least 0", repr(n))
         if not len(self):
             raise ValueError("sample needs at least one cell. The set is empty.")
         generator = np.random.default_rng(rng)

@@ -468,7 +468,7 @@ def as_points(points: ArrayLike) -> np.ndarray:
             "points", "must be an array of numbers", reprlib.repr(points)
         ) from None
     # six numbers are two points, but (3, 2) are three points that lack a coordinate
-    if array.size and (array.ndim == 0 or array.shape[-1] != 3):
+    if array.size and (array.ndim not in (1, 2) or array.shape[-1] != 3):
         raise WorkspaceError.of_rule("points", "must have the shape (n, 3)", str(array.shape))
     return array.reshape(-1, 3)
 

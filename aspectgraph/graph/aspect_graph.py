@@ -266,7 +266,7 @@ class EntityAspectGraph(ShownInNotebook):
         Parameters
         ----------
         points : array_like, shape (n, 3)
-            Viewpoints in mm.
+            Viewpoints in mm. One alone, (3,), counts as one row.
 
         Returns
         -------
@@ -360,6 +360,8 @@ class EntityAspectGraph(ShownInNotebook):
         ------
         EntityError
             If a name is unknown, or no domain covers them.
+        WorkspaceError
+            If `n` is no integer from 0.
         """
         nodes = self.covering(names)
         if not nodes:

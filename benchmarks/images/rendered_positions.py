@@ -32,7 +32,7 @@ from rendered_images import Lamp  # noqa: E402
 from errors.measurands import Decision, Localisation  # noqa: E402
 from planner import Dimension, Measurer, Registration, SensorSetting  # noqa: E402
 from planner.identity import PartRecord  # noqa: E402
-from planner.measuring.measurer import MeasureOptions  # noqa: E402
+from planner.measuring.measure_options import MeasureOptions  # noqa: E402
 from planner.measuring.registered import displaced  # noqa: E402
 from planner.request.resolve import resolve_wanted  # noqa: E402
 

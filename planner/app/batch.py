@@ -1023,7 +1023,8 @@ def plan_folder(
     Raises
     ------
     RequestError
-        If an argument has the wrong type, the folder holds no part file, or a number breaks its rule.
+        If an argument has the wrong type, the folder does not exist or holds no part file, or a number breaks its
+        rule.
     OutputError
         If nothing can be written, another process writes there, or a table is there that no
         earlier call wrote.
@@ -1051,6 +1052,9 @@ def plan_folder(
     for name, path in (("folder", folder), ("out", out)):
         check_path(name, path)
     source = absolute(folder)
+    if not source.is_dir():
+        got = name_text(Path(folder)) + (", a file" if source.exists() else "")
+        raise RequestError.of_rule("folder", "must be an existing folder", got)
     if source.resolve() == absolute(out).resolve():
         rule = "must be another folder than that of the parts"
         raise RequestError.of_rule("out", rule, name_text(Path(out)))

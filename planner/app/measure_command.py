@@ -40,7 +40,8 @@ from planner.files import (
     write_text,
 )
 from planner.identity import PartRecord
-from planner.measuring.measurer import MeasureOptions, Measurer
+from planner.measuring.measure_options import MeasureOptions
+from planner.measuring.measurer import Measurer
 from planner.measuring.registration import Registration
 from planner.measuring.rehearsal import TRUTH, Rehearsal, Truth, write_images
 from planner.measuring.results import COLUMNS, FORMAT, MeasurementResults, table_of_parts

@@ -263,6 +263,16 @@ class HoldsPoses(Protocol):
 _OFF_RIGID = 1e-6
 
 
+def _why_not_rigid(pose: Pose, off: float) -> str:
+    """Say what keeps a pose from being rigid; ``off`` is the largest number of R Rᵀ − 1."""
+    if not np.isfinite(pose).all():
+        return "which holds a number that is not finite"
+    determinant = f"the determinant {np.linalg.det(pose[:3, :3]):.6g}"
+    if off < _OFF_RIGID:
+        return f"which is mirrored: its rotation has {determinant}"
+    return f"whose rotation R has {determinant}, and R Rᵀ is off the identity by {off:.2g}"
+
+
 def checked_poses(poses: Any) -> tuple[GivenPose, ...]:
     """Return poses that are given, or raise `RequestError`.
 
@@ -282,7 +292,8 @@ def checked_poses(poses: Any) -> tuple[GivenPose, ...]:
         turn = pose.cam2world[:3, :3]
         off = np.abs(turn @ turn.T - np.eye(3)).max()
         if not (np.isfinite(pose.cam2world).all() and off < _OFF_RIGID and np.linalg.det(turn) > 0):
-            raise RequestError.of_rule("poses", "must be rigid", f"{pose.name!r}, which is not")
+            got = f"{pose.name!r}, {_why_not_rigid(pose.cam2world, off)}"
+            raise RequestError.of_rule("poses", "must be rigid", got)
         last = pose.cam2world[3].tolist()
         if last != [0.0, 0.0, 0.0, 1.0]:
             is_turned = pose.cam2world[:, 3].tolist() == [0.0, 0.0, 0.0, 1.0]

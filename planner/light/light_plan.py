@@ -172,6 +172,15 @@ class LightPlan(ShownInNotebook):
         Whether all lamps are on in every image.
     area : Backlight, DiffuseDome, CoaxialLight, RingLight or None
         The light with an area, which is on in every image.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import plan_light, read_plan
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> light = plan_light(plan, read_solid("examples/two_pocket_block.off"), "ring")
+    >>> light.complete, len(light.lamps), sorted(light.unlit[0])
+    (False, 1, ['e1', 'e4'])
     """
 
     kind: str

@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Collection, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,13 +18,9 @@ from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
 from errors.measurands.split import End, can_be_split, end_groups
 from ground.blas import with_one_thread
 from ground.faces import program_name
-from ground.short_repr import short_repr
-from planner.argument_kinds import ABOVE_0_TO_1, check_kinds, check_number
-from planner.camera.calibration import check_white_level
+from planner.argument_kinds import check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty, world_to_cam
-from planner.camera.response import check_response
-from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
 from planner.files import timestamp
 from planner.identity import PartRecord
@@ -40,6 +36,7 @@ from planner.measuring.advice import (
     with_advice,
 )
 from planner.measuring.images import ImageSet, Picture, Shot, read_images, shots_of
+from planner.measuring.measure_options import MeasureOptions, or_default
 from planner.measuring.merging import (
     ScannedEnd,
     joined_ends,
@@ -87,7 +84,6 @@ from planner.measuring.seen_breaks import (
     unseen_mm,
 )
 from planner.measuring.task import (
-    REPEATABILITY,
     NotRegisteredError,
     TooFarError,
     check_distance,
@@ -96,7 +92,7 @@ from planner.measuring.task import (
 )
 from planner.progress import Progress, labelled, report
 from planner.request.dimension import POSITIONS, is_one_sided
-from planner.request.edge_state import EdgeState, checked_break
+from planner.request.edge_state import EdgeState
 from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES, PLANNED
 from planner.request.targets import Target, targets_of
 from planner.sensor_setting import SensorSetting, setting_name
@@ -123,76 +119,6 @@ _DECIDING = "deciding"
 _ROOM_PX = 2.0
 # with a wider window, more samples have another line in it
 _MOST_TOLERANCE_PX = 3.0
-
-
-@dataclass(frozen=True)
-class MeasureOptions:
-    """How images are measured.
-
-    Attributes
-    ----------
-    registration : Registration
-        How poses are known.
-    localisation : Localisation or None
-        How well edges are found; only its floor counts, because single points are judged by their own residuals. A
-        registration takes edges to be off by three times the floor. None is the plan's. If that is none or the
-        default of 0.05 px, it is 0.01 px, because broken edges are an error of their own.
-    coverage : float
-        Share of an entity that must be found, in (0, 1].
-    rule : DecisionRule
-        How it is decided.
-    white_level : int or None
-        Grey value of full exposure. None is that of the plan's camera, see `Camera`.
-    response : str, float or None
-        How much light a grey value stands for: "linear", "srgb", a gamma, or a file, see `Camera`. None is that of the
-        plan's camera.
-    edge_break_mm : (float, float) or None
-        By how much the part's edges are broken along their faces, least and most, mm. Targets that state their own
-        keep it. None is the plan's; without that, it is what images clearly show. Otherwise edges are assumed to be
-        sharp within 0.05 mm.
-    repeatability : PoseUncertainty
-        By how much the camera moves between the images that a setting takes under different lamps. Images that are
-        farther apart are refused. Default: 0.02 mm and 0.1 mrad.
-
-    Raises
-    ------
-    RequestError
-        If registration, rule or localisation is no such value, the coverage is not in (0, 1], or
-        the breaks are not two numbers in rising order.
-    CameraError
-        If the white level is not a grey value, or the response none.
-
-    Examples
-    --------
-    >>> from planner import MeasureOptions, Registration
-    >>> MeasureOptions(Registration.none()).coverage
-    0.8
-    """
-
-    registration: Registration
-    localisation: Localisation | None = None
-    coverage: float = COVERAGE_SHARE
-    rule: DecisionRule = field(default_factory=DecisionRule.iso14253)
-    white_level: int | None = None
-    response: str | float | None = None
-    edge_break_mm: tuple[float, float] | None = None
-    repeatability: PoseUncertainty = REPEATABILITY
-
-    __repr__ = short_repr
-
-    def __post_init__(self) -> None:
-        check_kinds(
-            registration=(self.registration, "Registration"), rule=(self.rule, "DecisionRule")
-        )
-        if self.localisation is not None:
-            check_kinds(localisation=(self.localisation, "Localisation"))
-        if self.response is not None:
-            object.__setattr__(self, "response", check_response(self.response))
-        if self.edge_break_mm is not None:
-            object.__setattr__(self, "edge_break_mm", checked_break(self.edge_break_mm))
-        if self.white_level is not None:
-            object.__setattr__(self, "white_level", check_white_level(self.white_level))
-        check_number("coverage", self.coverage, ABOVE_0_TO_1)
 
 
 def _unregistered(shot: Shot, why: str, advice: str) -> list[Reading]:
@@ -309,7 +235,7 @@ class Measurer:
     def measure(
         self,
         images: str | os.PathLike[str] | Mapping[Any, Any],
-        options: MeasureOptions,
+        options: MeasureOptions | None = None,
         *,
         serial: str = "",
         operator: str = "",
@@ -323,8 +249,8 @@ class Measurer:
         ----------
         images : path or mapping
             A folder with an image for each setting, or images by setting, see `read_images`.
-        options : MeasureOptions
-            How.
+        options : MeasureOptions, optional
+            How. Default: ``MeasureOptions()``.
         serial : str
             Name of the part, for the files.
         operator : str
@@ -346,6 +272,7 @@ class Measurer:
         RequestError
             If images are missing or wrong.
         """
+        options = or_default(options)
         camera = self._camera(options)
         report(progress, 0, len(self.shots), _PREPARING)
         wide = _wide_note(self.model.solid, self.plan, options.registration)
@@ -373,8 +300,7 @@ class Measurer:
         report(progress, 0, 1, _DECIDING)
         self._add_unregistered(readings, failed)
         results = self._merged(readings, joint, options.rule) | self._not_planned(options.rule)
-        why = self._why_unregistered(failed)
-        results |= self._of_several_images(response, registered, why, joint, options)
+        results |= self._of_several_images(response, registered, failed, joint, options)
         notes = image_notes(self.plan, self.model.edges.scene, pictures, registered, readings)
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
         unseen = self._unseen(results, states, registered, options)
@@ -840,14 +766,12 @@ class Measurer:
         self,
         response: JudgedResponse,
         registered: Mapping[str, Registered],
-        why: dict[str, list[str]],
+        failed: Mapping[str, tuple[str, str]],
         known: PartPosterior,
         options: MeasureOptions,
     ) -> dict[str, Result]:
-        """Return results of targets whose entities are in different images, whether the plan inspects them or not.
-
-        ``why`` says of each which images cannot be used.
-        """
+        """Return results of targets whose entities are in different images, whether the plan inspects them or not."""
+        why = self._why_unregistered(failed)
         best: dict[str, dict[int, ScannedEnd]] = {name: {} for name in self.ends}
         for shot in self.shots:
             image = registered.get(shot.name)
@@ -1123,12 +1047,22 @@ def measure(
     *,
     registration: Registration | None = None,
     localisation: Localisation | None = None,
-    coverage: float = COVERAGE_SHARE,
+    coverage: float = MeasureOptions.coverage,
     rule: DecisionRule | None = None,
-    edge_break_mm: tuple[float, float] | None = None,
+    white_level: int | None = MeasureOptions.white_level,
+    response: str | float | None = MeasureOptions.response,
+    edge_break_mm: tuple[float, float] | None = MeasureOptions.edge_break_mm,
+    repeatability: PoseUncertainty = MeasureOptions.repeatability,
+    serial: str = "",
+    operator: str = "",
+    partial: bool = False,
+    allow_lossy: bool = False,
     progress: Progress | None = None,
 ) -> MeasurementResults:
     """Measure one part in images of a plan's settings.
+
+    A `Measurer` measures many parts of one plan faster. It takes the keywords up to
+    ``repeatability`` as `MeasureOptions`.
 
     Parameters
     ----------
@@ -1148,9 +1082,25 @@ def measure(
         Share of an entity that must be found, in (0, 1].
     rule : DecisionRule, optional
         How it is decided. Default: ISO 14253-1 with 95 %.
+    white_level : int, optional
+        Grey value of full exposure. Default: that of the plan's camera, see `Camera`.
+    response : str or float, optional
+        How much light a grey value stands for: "linear", "srgb", a gamma, or a file. Default: that of the plan's
+        camera, see `Camera`.
     edge_break_mm : (float, float), optional
         By how much the part's edges are broken, least and most, mm. Default: that of the plan; without it, edges are
         sharp within 0.05 mm.
+    repeatability : PoseUncertainty
+        By how much the camera moves between the images that a setting takes under different lamps. Default: 0.02 mm
+        and 0.1 mrad.
+    serial : str
+        Name of the part, for the files.
+    operator : str
+        Who measures, for the files.
+    partial : bool
+        Whether images may be missing.
+    allow_lossy : bool
+        Whether JPEG files are accepted.
     progress : callable, optional
         Takes how many images are done, of how many, and a label.
 
@@ -1177,10 +1127,21 @@ def measure(
     False
     """
     options = MeasureOptions(
-        registration or Registration.own_edges(),
-        localisation,
-        coverage,
-        rule or DecisionRule.iso14253(),
+        registration=registration or MeasureOptions().registration,
+        rule=rule or MeasureOptions().rule,
+        localisation=localisation,
+        coverage=coverage,
+        white_level=white_level,
+        response=response,
         edge_break_mm=edge_break_mm,
+        repeatability=repeatability,
     )
-    return Measurer(plan, solid).measure(images, options, progress=progress)
+    return Measurer(plan, solid).measure(
+        images,
+        options,
+        serial=serial,
+        operator=operator,
+        partial=partial,
+        allow_lossy=allow_lossy,
+        progress=progress,
+    )

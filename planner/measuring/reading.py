@@ -61,6 +61,7 @@ from planner.measuring.samples import (
 )
 from planner.measuring.verdict import BESIDE_PX, Sampled, beside_shadows, stretches_of
 from planner.request.edge_state import SHARP, EdgeState, spread_of
+from planner.text_table import share_text
 
 Array = NDArray[np.float64]
 
@@ -494,7 +495,9 @@ def _incomplete(
         if counts[worst] >= 0.9 * len(points):
             return f"{word} {edge.name} is {STATE_TEXTS[worst]}"
         main_reason = f"{100 * counts[worst] / len(points):.0f} % is {STATE_TEXTS[worst]}"
-        return f"only {100 * share:.0f} % of {word} {edge.name} was found; {main_reason}"
+        return (
+            f"only {share_text(share, coverage)} % of {word} {edge.name} was found; {main_reason}"
+        )
     n_parts = parts_of(len(points)) if in_each_part else 1
     part = numbers_of_parts(points["share"], n_parts)
     missing = set(part.tolist()) - set(part[is_covered].tolist())

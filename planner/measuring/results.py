@@ -172,6 +172,19 @@ class Result(ShownInNotebook):
         Measured value minus nominal value.
     expanded_uncertainty : float
         U, two standard uncertainties.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from aspectgraph import read_solid
+    >>> from planner import measure, read_plan
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> dark = {1: np.zeros(plan.camera.resolution[::-1], np.uint8)}
+    >>> results = measure(plan, read_solid("examples/two_pocket_block.off"), dark)
+    >>> results["e1"]
+    <Result 'e1': not measured>
+    >>> results["e1"].reason[:44]
+    'setting_01: the image cannot be registered: '
     """
 
     name: str
@@ -706,6 +719,18 @@ class MeasurementResults(ShownInNotebook):
         By how much edges are taken to be broken.
     unseen : UnseenBreaks or None
         What breaks that nobody states and images do not show would do; None if edges are stated.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import measure, read_plan
+    >>> plan = read_plan("examples/measured/plan.json")
+    >>> solid = read_solid("examples/nist_ctc_01_ap242.stp")
+    >>> results = measure(plan, solid, "examples/measured/images")
+    >>> results.measured, results.counts
+    (True, {'conforms': 4})
+    >>> results["bore_25"]
+    <Result 'bore_25': 24.822 ± 0.055 mm, conforms>
     """
 
     results: Mapping[str, Result]

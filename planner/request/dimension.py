@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict, Unpack
 
 from ground.convert import Meta
 from ground.short_repr import short_repr
@@ -262,6 +262,38 @@ Target = Any
 """What stands for an entity: an id (17 or "e17", "r3", "a0"), an `Edge`, `Rim` or `Entity`, or two end points in mm."""
 
 
+# The keywords of the constructors: what `Dimension` has, where deviations and errors have their unit in the name.
+
+
+class Requirement(TypedDict, total=False):
+    """What every constructor of a `Dimension` takes."""
+
+    accuracy: float | None
+    share: float
+    direction: Sequence[float] | None
+    tolerance_class: str | None
+    surfaces_mm: float | None
+    places: int
+    material: str
+    size: Sequence[float | None] | str | None
+    frame: tuple[str, ...]
+
+
+class RequirementInMm(Requirement, total=False):
+    """What a constructor of a length takes; a text of ``tolerance`` is a class, such as "H7"."""
+
+    tolerance_mm: Sequence[float | None] | None
+    max_error_mm: float | None
+    tolerance: str
+
+
+class RequirementInDeg(Requirement, total=False):
+    """What the constructor of an angle takes."""
+
+    tolerance_deg: Sequence[float | None] | None
+    max_error_deg: float | None
+
+
 @names_meant
 @dataclass(frozen=True)
 class Dimension:
@@ -449,7 +481,7 @@ class Dimension:
             )
 
     @classmethod
-    def length(cls, edge: Target, **requirement: Any) -> Dimension:
+    def length(cls, edge: Target, **requirement: Unpack[RequirementInMm]) -> Dimension:
         """Return the length of an edge, as in the paper.
 
         Parameters
@@ -468,7 +500,9 @@ class Dimension:
         return cls("length", (edge,), **_in_mm(requirement))
 
     @classmethod
-    def distance(cls, first: Target, second: Target, **requirement: Any) -> Dimension:
+    def distance(
+        cls, first: Target, second: Target, **requirement: Unpack[RequirementInMm]
+    ) -> Dimension:
         """Return the distance of two parallel edges.
 
         Parameters
@@ -487,7 +521,9 @@ class Dimension:
         return cls("distance", (first, second), **_in_mm(requirement))
 
     @classmethod
-    def angle(cls, first: Target, second: Target, **requirement: Any) -> Dimension:
+    def angle(
+        cls, first: Target, second: Target, **requirement: Unpack[RequirementInDeg]
+    ) -> Dimension:
         """Return the angle of two edges.
 
         Parameters
@@ -505,7 +541,7 @@ class Dimension:
         return cls("angle", (first, second), **_renamed(requirement, "deg"))
 
     @classmethod
-    def diameter(cls, rim: Target, **requirement: Any) -> Dimension:
+    def diameter(cls, rim: Target, **requirement: Unpack[RequirementInMm]) -> Dimension:
         """Return the diameter of a rim or arc.
 
         Parameters
@@ -529,7 +565,7 @@ class Dimension:
         return cls("diameter", (rim,), **_in_mm(requirement))
 
     @classmethod
-    def radius(cls, rim: Target, **requirement: Any) -> Dimension:
+    def radius(cls, rim: Target, **requirement: Unpack[RequirementInMm]) -> Dimension:
         """Return the radius of a rim or arc.
 
         Parameters
@@ -547,7 +583,9 @@ class Dimension:
         return cls("radius", (rim,), **_in_mm(requirement))
 
     @classmethod
-    def centre_distance(cls, first: Target, second: Target, **requirement: Any) -> Dimension:
+    def centre_distance(
+        cls, first: Target, second: Target, **requirement: Unpack[RequirementInMm]
+    ) -> Dimension:
         """Return the distance of the centres of two rims or arcs.
 
         Parameters
@@ -565,7 +603,9 @@ class Dimension:
         return cls("centre_distance", (first, second), **_in_mm(requirement))
 
     @classmethod
-    def centre_to_edge(cls, rim: Target, edge: Target, **requirement: Any) -> Dimension:
+    def centre_to_edge(
+        cls, rim: Target, edge: Target, **requirement: Unpack[RequirementInMm]
+    ) -> Dimension:
         """Return the distance from a rim's centre to the line of an edge.
 
         Parameters
@@ -592,7 +632,7 @@ class Dimension:
         zone_mm: float,
         *,
         pattern: Sequence[Target] = (),
-        **requirement: Any,
+        **requirement: Unpack[RequirementInMm],
     ) -> Dimension:
         """Return the position of a hole, pin or slot against datums, in the plane of its rim.
 
@@ -634,7 +674,11 @@ class Dimension:
 
     @classmethod
     def symmetry(
-        cls, edges: Sequence[Target], datum: Sequence[Target], zone_mm: float, **requirement: Any
+        cls,
+        edges: Sequence[Target],
+        datum: Sequence[Target],
+        zone_mm: float,
+        **requirement: Unpack[RequirementInMm],
     ) -> Dimension:
         """Return the symmetry of a slot or tab to another one.
 
@@ -672,7 +716,7 @@ class Dimension:
 
     @classmethod
     def coaxiality(
-        cls, rim: Target, datum: Target, zone_mm: float, **requirement: Any
+        cls, rim: Target, datum: Target, zone_mm: float, **requirement: Unpack[RequirementInMm]
     ) -> Dimension:
         """Return the coaxiality of two circles in parallel planes, in the plane of the first one.
 
@@ -712,7 +756,7 @@ class Dimension:
         datums: Sequence[Target],
         zone_mm: float,
         pattern: Sequence[Target],
-        requirement: dict[str, Any],
+        requirement: RequirementInMm,
     ) -> Dimension:
         """Return what has a place in a frame of datums."""
         check_number("zone_mm", zone_mm, _POSITIVE)
@@ -887,20 +931,14 @@ def zone_text(kind: str, zone_mm: float) -> str:
     return f"{'' if kind in _WIDTHS else '⌀'}{zone_mm:.6g}"
 
 
-def _in_mm(requirement: dict[str, Any]) -> dict[str, Any]:
+def _in_mm(requirement: RequirementInMm) -> dict[str, Any]:
     return _renamed(requirement, "mm")
 
 
-def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
+def _renamed(requirement: Mapping[str, Any], unit: str) -> dict[str, Any]:
     """Take the unit off the names of what is asked; refuse names and units that are not known."""
     names = {f"tolerance_{unit}": "tolerance", f"max_error_{unit}": "max_error"}
-    names |= {
-        name: name
-        for name in (
-            *("accuracy", "share", "direction", "tolerance_class", "surfaces_mm", "places"),
-            *("material", "size", "frame"),
-        )
-    }
+    names |= {name: name for name in Requirement.__annotations__}
     if isinstance(requirement.get("tolerance"), str):
         # deviations have their unit in the name; a class has none
         names["tolerance"] = "tolerance_class"

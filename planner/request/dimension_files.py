@@ -539,7 +539,9 @@ def _picker_class() -> Any:
                 self.set_trait("fault", fault)
 
         def __repr__(self) -> str:
-            return f"<Picker of {self.part!r}: {len(self.entities)} picked>"
+            # as the page counts: what lies between two entities is one, too
+            n_rows = len(self.picked.get("rows", ()))
+            return f"<Picker of {self.part!r}: {n_rows} picked>"
 
     return Picker
 

@@ -15,6 +15,7 @@ from planner.robotcell.cell import Cell, reachability_of
 from planner.robotcell.hand import axes_of
 from planner.robotcell.reachability import Reachability
 from planner.robotcell.urdf import carry
+from planner.text_table import count
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -84,6 +85,12 @@ class Placement(Reached):
     turn_deg: float
     motion: np.ndarray
     fixturings: Mapping[str, Fixturing]
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        middle = ", ".join(f"{number:.1f}" for number in self.centre_mm)
+        reached = f"{self.n_reached} of {count(len(self.reachability.settings), 'setting')} reached"
+        return f"<Placement at ({middle}) mm, turned by {self.turn_deg:g}°: {reached}>"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the same as plain values.

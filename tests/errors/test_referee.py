@@ -5,6 +5,7 @@ import pytest
 from edge_examples import CAMERA, EDGE, PAPER_COVARIANCE, PITCH, F, random_covariance, random_edges
 
 from errors import (
+    InvalidParameterError,
     SegmentQuantization,
     binomial_interval,
     coverage_image,
@@ -58,6 +59,22 @@ def test_binomial_interval_by_hand():
     lower, upper = binomial_interval([0, 20], 20, 0.95)
     np.testing.assert_allclose(lower, [0.0, 0.025 ** (1 / 20)])
     np.testing.assert_allclose(upper, [1.0 - 0.025 ** (1 / 20), 1.0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((5, 3), "hits must be integers from 0 to samples, 3. Got 5."),
+        (([1, -1], 3), "hits must be integers from 0 to samples, 3. Got -1."),
+        ((0.5, 3), "hits must be integers from 0 to samples, 3. Got 0.5."),
+        ((0, 0), "samples must be an integer >= 1. Got 0."),
+        ((1, 3, 1.0), "confidence must be in (0, 1). Got 1.0."),
+    ],
+)
+def test_binomial_interval_of_what_cannot_be(arguments, message):
+    with pytest.raises(InvalidParameterError) as refused:
+        binomial_interval(*arguments)
+    assert str(refused.value) == message
 
 
 def test_interval_covers_as_often_as_it_says():

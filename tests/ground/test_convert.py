@@ -327,14 +327,19 @@ WRONG = {
     "unknown": (
         (*SETTING, "nams"),
         1,
-        "must be one of cam2world, probability, names, margins, error, limits, U. "
+        "must be left out, or renamed to one of cam2world, probability, names, margins, error, "
+        "limits, U. "
         "Got an unknown field; the nearest is names.",
     ),
     "own name": ((*SETTING, "expanded"), 1, None),
     "not stored": (("plotted",), True, None),
     "kind": (("light", "kind"), "torch", 'must be ring, fixed or placed. Got "torch".'),
     "no kind": (("light", "kind"), ..., "must be given. Got none."),
-    "kind of": (("light", "kind"), "ring", "light.at must be one of kind, n. Got an unknown"),
+    "kind of": (
+        ("light", "kind"),
+        "ring",
+        "light.at must be left out, or renamed to one of kind, n. Got an unknown",
+    ),
     "no shape": (("shapes", 0), {"r": 1}, 'must be an object. Got {"r": 1}.'),
     "fraction": (("share",), 3, "must be in (0, 1) or null. Got 3."),
     "enum": (("grade",), "so so", 'must be good or poor. Got "so so".'),
@@ -357,9 +362,9 @@ WHOLE = {
     "uneven": "table must have the shape (n, n). Got (2, 2).",
     "record": "shapes[0]: a line must have two ends. Got (0.0, 0.0) twice.",
     "name": "settings[0].names[0] must be text. Got 3.",
-    "kind of": "light.at must be one of kind, n. Got an unknown field.",
-    "own name": "settings[0].expanded must be one of cam2world, ",
-    "not stored": "plotted must be one of format, ",
+    "kind of": "light.at must be left out, or renamed to one of kind, n. Got an unknown field.",
+    "own name": "settings[0].expanded must be left out, or renamed to one of cam2world, ",
+    "not stored": "plotted must be left out, or renamed to one of format, ",
 }
 
 

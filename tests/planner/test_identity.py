@@ -284,7 +284,10 @@ def test_a_number_that_steers_the_search_tells_requests_apart(block):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"colour": "red"}, r"request\.colour must be one of part, targets"),
+        (
+            {"colour": "red"},
+            r"request\.colour must be left out, or renamed to one of part, targets",
+        ),
         ({"camera": {}}, r"request\.camera"),
         ({"effort": {"viewpoints": -1}}, r"request\.effort\.viewpoints must be"),
         ({"seed": None, "targets": [{"name": "a"}]}, r"targets\.a\.kind must be given"),

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 from contrast_lamps import contrast_lamps
@@ -12,6 +13,7 @@ from planner import (
     Dimension,
     Effort,
     LampDome,
+    LightComparison,
     Lighting,
     PoseUncertainty,
     Registration,
@@ -21,6 +23,7 @@ from planner import (
     plan_light,
     predict,
     propose_optics,
+    read_plan,
 )
 from planner.camera.camera import camera_parts
 from planner.inspection import with_light
@@ -143,8 +146,10 @@ def test_table_and_records(proposals):
 
 def test_a_proposal_shows_itself(proposals):
     one = proposals[0]
-    told = f"{one.body} with {one.lens}, f/{one.camera.f_number:g} at {one.working_distance_mm:g} mm: 2 of 2 items"
+    told = f"{one.body} with {one.lens}, f/{one.camera.f_number:g} at {one.working_distance_mm:g} mm: 2 of 2 targets"
     assert repr(one) == f"<OpticsProposal: {told}>"
+    alone = replace(one, probability={"rim": 1.0}, share={"rim": 0.5})
+    assert repr(alone).endswith("mm: 1 of 1 target>")
 
 
 def test_the_same_again(proposals):
@@ -197,10 +202,20 @@ def test_lights_show_only_what_is_read_as_in_a_plan():
     light = plan_light(plan, solid, dome)
     planned = with_light(plan, solid, Lighting(dome))
     assert planned.uninspectable["bore"].kind is ReasonKind.NOT_SHOWN
-    compared = {item.kind: item for item in compare_lights(plan, solid)}
+    lights = compare_lights(plan, solid)
+    assert isinstance(lights, LightComparison)
+    compared = {item.kind: item for item in lights}
     assert list(compared["lamps"].dark) == ["bore"]
     assert "5 px apart from other lines" in compared["lamps"].dark["bore"]
     assert light.unlit == (compared["lamps"].dark,)
+
+
+def test_lights_are_compared_on_the_part_of_the_plan():
+    plan = read_plan("examples/two_pocket_block_plan.json")
+    with pytest.raises(RequestError) as refused:
+        compare_lights(plan, crowded_plate())
+    rule = "solid must be the part of the plan"
+    assert str(refused.value) == f"{rule}. Got 'plate', which has another shape."
 
 
 @pytest.mark.parametrize(("given", "got"), [(3, "3"), ("x", "'x'"), ([3], "a list with 3")])

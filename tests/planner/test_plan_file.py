@@ -109,7 +109,7 @@ WRONG = {
     "bound 0": (("bound",), 0, "must be 1 to 2, the number of settings. Got 0."),
     "bound text": (("bound",), "x", 'must be a non-negative integer. Got "x".'),
     "bound 1.0": (("bound",), 1.0, "must be a non-negative integer. Got 1.0."),
-    "unknown field": (("colour",), 1, "must be one of format, version,"),
+    "unknown field": (("colour",), 1, "must be left out, or renamed to one of format, version,"),
     "huge": (("settings", 1, "fitness"), 10**400, "must be a number. Got an integer of 1329 bits."),
     "sheared": (
         ("settings", 1, "cam2world", 0, 0),
@@ -354,7 +354,7 @@ WRONG_STATE = {
     ),
     "both": (
         {"outcomes": {'["a"]': {"reason": "hidden", "setting": SETTING}}},
-        'outcomes["[\\"a\\"]"].reason must be one of setting. Got an unknown field.',
+        'outcomes["[\\"a\\"]"].reason must be left out, or renamed to one of setting. Got an unknown field.',
     ),
     "kind of nothing": (
         {"outcomes": {'["a"]': {"kind": "too short"}}},

@@ -27,6 +27,7 @@ from planner.text_table import (
     enumerated,
     listed,
     print_text,
+    share_text,
     terminal_width,
     words,
 )
@@ -343,3 +344,17 @@ def test_a_list_in_a_sentence_ends_with_and():
         "a and b",
         "a, b and c",
     ]
+
+
+@pytest.mark.parametrize(
+    ("share", "limit", "text"),
+    [
+        (0.797, 0.8, "79.7"),
+        (0.79999, 0.8, "79.9"),
+        (0.7949, 0.8, "79"),
+        (0.9, 0.8, "90"),
+        (0.9049, 0.905, "90.4"),
+    ],
+)
+def test_a_share_below_its_limit_does_not_read_the_same(share, limit, text):
+    assert share_text(share, limit) == text

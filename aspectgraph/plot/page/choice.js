@@ -121,7 +121,7 @@ class Choice {
   /* Return the tolerance of what has none of its own; that of lengths is none of angles, and no zone. */
   shared(k) { return this.unit(k) === "mm" && !this.isPosition(k) ? this.common : ""; }
 
-  /* Return the error that a plan may make of an item, in its unit; null where --accuracy decides. */
+  /* Return the error that a plan may make of an item, in its unit; null where the plan's accuracy decides. */
   permitted(k) {
     const limits = this.tolerance(k);
     return limits ? this.share * (limits[1] - limits[0]) / (this.isPosition(k) ? 1 : 2) : null;
@@ -138,7 +138,7 @@ class Choice {
     if (this.isPosition(k) && !limits) return "a position needs its zone, a number like 0.2";
     if (this.materials.get(k)) {
       const size = this.sizeOf(k), { rows: [what] } = this.items[size];
-      if (!this.names.has(size)) return `its material condition needs ${what} to be collected`;
+      if (!this.names.has(size)) return `its material condition needs ${what} to be picked`;
       if (!this.tolerance(size)) return `its material condition needs a tolerance of ${what}`;
     }
     const name = this.toleranceClass(k);
@@ -164,7 +164,7 @@ class Choice {
     }
     const nominal = valueText({ kind, axis, nominal: value, unit: this.unit(k) });
     if (this.toleranceFault(k)) return nominal;
-    if (error === null) return `${nominal}, error by --accuracy`;
+    if (error === null) return `${nominal}, error by the plan's accuracy`;
     const name = this.toleranceClass(k), limits = toleranceText(this.tolerance(k));
     return `${nominal} ${name ? `${name} (${limits})` : limits}: error up to ${this.withUnit(k, number(error))} (${number(100 * this.share)} %)`;
   }

@@ -370,7 +370,7 @@ function listChosen() {
   for (const one of document.querySelectorAll("[data-file]")) one.hidden = one.dataset.file !== $("kind-of-file").value;
   const n = choice.names.size, names = chosenOnes.map(([k]) => choice.fault(k)).filter(Boolean);
   const refused = dimensions ? chosenOnes.filter(([k]) => choice.toleranceFault(k)) : [];
-  $("count").textContent = n ? `${n} collected` : "Nothing collected yet";
+  $("count").textContent = n ? `${n} picked` : "Nothing picked yet";
   $("fault").textContent = refused.length
     ? `${choice.items[refused[0][0]].rows[0]}: ${choice.toleranceFault(refused[0][0])}`
     : names.length ? `${names[0]}; the file keeps the id instead` : notes(chosenOnes, dimensions);

@@ -1,5 +1,6 @@
 """Queries on regions and graphs: what each promises, and bad input."""
 
+import re
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
@@ -43,6 +44,26 @@ def inside_slotted_block(points):
     x, y, z = points.T
     top = np.select([(x > 8) | (x < 2), (x > 4) & (x < 6)], [1.0, 2.0], 3.0)
     return (x > 0) & (x < 10) & (y > 0) & (y < top) & (z > 0) & (z < 6)
+
+
+@pytest.mark.parametrize("n", [-1, 2.5, "3", True])
+def test_a_number_of_viewpoints_that_cannot_be(slot, n):
+    message = f"n must be an integer of at least 0. Got {n!r}."
+    for draw in (lambda: slot.sample([], n), lambda: slot.cells(0).sample(n)):
+        with pytest.raises(WorkspaceError) as refused:
+            draw()
+        assert str(refused.value) == message
+    assert slot.sample([], 0).shape == (0, 3)
+
+
+def test_one_viewpoint_is_one_row_and_other_shapes_are_refused(slot):
+    point = [5.0, 50.0, 3.0]
+    assert slot.domain_of(point).tolist() == slot.domain_of([point]).tolist()
+    for points in ([1.0, 2.0], [[1.0, 2.0]] * 3, [[point, point]], 3.0):
+        shape = re.escape(str(np.shape(points)))
+        for call in (slot.domain_of, slot.observable):
+            with pytest.raises(WorkspaceError, match=rf"shape \(n, 3\)\. Got {shape}"):
+                call(points)
 
 
 @pytest.mark.uncompiled

@@ -320,8 +320,13 @@ def test_a_part_without_straight_edges_needs_a_rule(parts, request_, tmp_path):
 
 
 def test_bad_input(parts, request_, tmp_path):
-    with pytest.raises(RequestError, match=r"must hold part files \(\.step"):
+    with pytest.raises(RequestError, match=r"folder must be an existing folder\. Got .*none'?\."):
         plan_folder(tmp_path / "none", tmp_path / "out", request_)
+    with pytest.raises(RequestError, match=r"folder must be an existing folder\. Got .*, a file\."):
+        plan_folder(parts / "a.off", tmp_path / "out", request_)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(RequestError, match=r"must hold part files \(\.step"):
+        plan_folder(tmp_path / "empty", tmp_path / "out", request_)
     with pytest.raises(RequestError, match="jobs must be an integer of at least 1"):
         plan_folder(parts, tmp_path / "out", request_, jobs=0)
     with pytest.raises(OutputError, match="out must be a folder"):

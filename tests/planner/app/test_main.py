@@ -543,7 +543,10 @@ def test_skipped_graph_is_told_on_the_terminal_and_in_the_report(folder, quick, 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"probability": 2}, "plan.json: probability must be one of format, version,"),
+        (
+            {"probability": 2},
+            "plan.json: probability must be left out, or renamed to one of format, version,",
+        ),
         ({"bound": 99}, "plan.json: bound must be 1 to 2, the number of settings. Got 99."),
         ({"bound": "x"}, 'plan.json: bound must be a non-negative integer. Got "x".'),
         ({"targets": {}}, "plan.json: targets must map at least one name to a target."),

@@ -784,7 +784,9 @@ def test_a_part_that_changed_or_is_gone_is_told(planned_again, tmp_path, capsys)
     assert "source must name the part's file" in refusal(capsys, *again)
     data |= {"source": source, "request": {**data["request"], "colour": "red"}}
     (moved / "plan" / "plan.json").write_text(json.dumps(data))
-    assert "request.colour must be one of part, targets," in refusal(capsys, *again)
+    assert "request.colour must be left out, or renamed to one of part, targets," in refusal(
+        capsys, *again
+    )
     assert not (moved / "again").exists()
 
 

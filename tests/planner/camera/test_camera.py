@@ -199,7 +199,7 @@ def test_one_pitch_is_that_of_square_pixels(tmp_path):
         ),
         (
             GOOD + "colour = 'red'\n",
-            r"bad\.toml:6: colour must be one of focal_length_mm, .*unknown",
+            r"bad\.toml:6: colour must be left out, or renamed to one of focal_length_mm, .*unknown",
         ),
         (GOOD.replace("f_number = 8.0\n", ""), r"bad\.toml:1: f_number must be given"),
         # the text of this error begins with the calibration's path

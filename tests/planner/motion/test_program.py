@@ -185,7 +185,11 @@ STOPPED = r"tours\[0\].stops\[0\]"
         ("unreached", {"1": "far"}, "unreached must hold settings that are not visited. Got 1"),
         ("tours.1.stops.0.setting", 4, "must visit each setting once. Got 'setting 4 again'"),
         ("warnings", [1], r"warnings\[0\] must be text. Got 1"),
-        ("colour", "red", "colour must be one of format, .* Got an unknown field"),
+        (
+            "colour",
+            "red",
+            "colour must be left out, or renamed to one of format, .* Got an unknown field",
+        ),
         ("keep_mm", None, "keep_mm must be a number. Got null"),
     ],
 )

@@ -202,6 +202,10 @@ def test_what_lies_between_two_is_as_the_plan_has_it(browser, tmp_path):
     )
     page.run("$('kind-of-file').value = 'dimensions'; chosen()")
     told = page.run("[...choice.names.keys()].map((k) => choice.items[k].size)")
+    # an option of the command line means nothing in a notebook
+    texts = page.run("[...choice.names.keys()].map((k) => choice.told(k))")
+    assert {text.rpartition(", ")[2] for text in texts} == {"error by the plan's accuracy"}
+    assert page.run("$('count').textContent") == f"{len(texts)} picked"
     wanted = read_wanted(saved_as(page, tmp_path), kinds())
     shapes = {edge: Line(*solid.edge_points(edge)) for edge in edges}
     shapes |= {rim.id: Circle(rim.centre, rim.axis, rim.radius_mm) for rim in rims}
@@ -563,6 +567,11 @@ def test_a_plan_takes_what_is_picked(part):
         _, targets = resolve_wanted(part, items, 0.98)
         assert [target.name for target in targets] == ["2", "1"]
     assert repr(picker) == "<Picker of 'block </script>': 2 picked>"
+    # what lies between two is no entity, and counts as the page counts it
+    between = {"key": "3", "asked": {"distance": [edge, edge + 1]}, "fault": ""}
+    picker.picked = {"rows": [*rows, between]}
+    assert (len(picker.entities), len(picker.dimensions)) == (2, 3)
+    assert repr(picker) == "<Picker of 'block </script>': 3 picked>"
     picker.picked = {"rows": [{**rows[0], "fault": "the two deviations must differ"}, rows[1]]}
     assert picker.dimensions == {}
     assert picker.fault == "2: the two deviations must differ"

@@ -51,9 +51,19 @@ CASES = {
     "unknown": (
         "clearance_mm",
         "clearence_mm",
-        "clearence_mm must be one of robot,.* Got an unknown field; the nearest is clearance_mm",
+        "clearence_mm must be left out, or renamed to one of robot,.*"
+        " Got an unknown field; the nearest is clearance_mm",
     ),
-    "unknown of the robot": ('tip = "tool0"', 'tool = "tool0"', "robot.tool must be one of urdf"),
+    "camera file": (
+        "clearance_mm",
+        "name",
+        "name must be left out, or renamed to one of robot, camera, .* Got an unknown field",
+    ),
+    "unknown of the robot": (
+        'tip = "tool0"',
+        'tool = "tool0"',
+        "robot.tool must be left out, or renamed to one of urdf",
+    ),
     "no urdf": ('urdf = "', 'tip = "tool0"\nbase = "', "cannot|must be"),
     "tip": ('tip = "tool0"', "tip = 3", "tip must be a link of the robot. Got 3"),
     "another tip": ('tip = "tool0"', 'tip = "hand"', "tip must be a link of the robot. Got 'hand'"),
@@ -143,7 +153,8 @@ def test_a_missing_file_is_named(tmp_path):
 def test_a_camera_body_is_a_list(tmp_path):
     path = written(tmp_path, [("[[camera_body]]", "[camera_body]"), ("[[camera_body]]", "[lens]")])
     with pytest.raises(
-        RobotError, match=r"lens must be one of robot|must be written \[\[camera_body\]\]"
+        RobotError,
+        match=r"lens must be left out, or renamed to one of robot|must be written \[\[camera_body\]\]",
     ):
         Cell.from_toml(path)
 

@@ -99,6 +99,10 @@ def test_placements_are_ranked_and_reached(block):
     assert 0 < len(found) <= 10
     best = found[0]
     assert best.n_reached >= 2
+    x, y, z = best.centre_mm
+    where = f"at ({x:.1f}, {y:.1f}, {z:.1f}) mm, turned by {best.turn_deg:g}°"
+    n = len(PLAN.settings)
+    assert repr(best) == f"<Placement {where}: {best.n_reached} of {n} settings reached>"
     order = [(-one.n_reached, -round(one.singular_value, 6)) for one in found]
     assert order == sorted(order)
     moved = cell.with_fixturings(best.fixturings)

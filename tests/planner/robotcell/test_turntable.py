@@ -275,7 +275,7 @@ def test_a_cell_file_states_a_turntable(tmp_path):
         ("angles = 4\nangles_deg = [0]", "fixturings.up.angles_deg must not be given with angles"),
         ("angles_deg = [0, 'x']", r"fixturings.up.angles_deg\[1\] must be a number"),
         ("turn_speed = -1", "fixturings.up.turn_speed must be"),
-        ("turning_speed = 1", "turning_speed must be one of part2base"),
+        ("turning_speed = 1", "turning_speed must be left out, or renamed to one of part2base"),
     ],
 )
 def test_cell_files_with_a_wrong_turntable(tmp_path, more, message):

@@ -151,7 +151,13 @@ def test_the_plan_comes_back_from_its_file_with_the_poses(plan, tmp_path):
         (np.eye(4).tolist(), r"\(n, 4, 4\)\. Got \(4, 4\); an array of one pose has "),
         (5, r"poses must be a list of GivenPose or an array \(n, 4, 4\)\. Got 5\."),
         (["x"], r"poses must all be GivenPose, or arrays of numbers\. Got \['x'\]"),
-        ([2 * np.eye(4)], "poses must be rigid"),
+        (
+            [np.diag([2.0, 2.0, 2.0, 1.0])],
+            r"poses must be rigid\. Got 'pose_01', .* determinant 8, and .* identity by 3\.$",
+        ),
+        ([np.diag([0.0, 0.0, 0.0, 1.0])], "determinant 0, and .* identity by 1"),
+        ([np.diag([1.0, 1.0, -1.0, 1.0])], "'pose_01', which is mirrored: .* determinant -1"),
+        ([np.diag([1.0, 1.0, np.nan, 1.0])], "'pose_01', which holds a number that is not finite"),
         (
             [np.eye(4) + np.outer(np.eye(4)[3], [0, 0, 300, 0])],
             r"poses must have the last row \[0, 0, 0, 1\].* Got \[0.0, 0.0, 300.0, 1.0\] in 'pose_01', which is tr",
