@@ -212,7 +212,7 @@ def test_toml_holds_a_calibration(tmp_path):
         ({"distortion": "none"}, "distortion must be four or five numbers"),
         ({"image_size": 5}, "image_size must be two numbers"),
         ({"pixel_pitch_mm": (1, 2)}, "pixel_pitch_mm must be finite and positive"),
-        ({"sharpness": 3}, "sharpness must be one of"),
+        ({"sharpness": 3}, "sharpness must be left out, or renamed to one of focal_length_mm,"),
         # um: the focus is not to blame
         (
             {"pixel_pitch_mm": 3.45},
