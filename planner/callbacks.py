@@ -62,7 +62,7 @@ _LATE_REGIONS_SHARE = 2.0 / 3.0
 # seconds beyond the limit: until when regions and search may take their least time, until when
 # there must be a first plan, and until when a simulation may take its least time
 _SEARCH_BEYOND_S = 0.5
-_FIRST_PLAN_BEYOND_S = 1.3
+_FIRST_PLAN_BEYOND_S = 1.0
 _SIMULATION_BEYOND_S = 1.0
 
 

@@ -382,7 +382,7 @@ def test_a_plan_ends_at_its_limit_and_without_one_the_search_soon_after(monkeypa
     search.arm()
     with pytest.raises(TimeIsUpError):
         search.check()
-    clock[0] = 1002.4
+    clock[0] = 1002.1
     with pytest.raises(TimeIsUpError):
         deadline.of_search().check()
     assert deadline.time_left(0.88, least_s=2.0).until <= 8002.0
@@ -390,7 +390,7 @@ def test_a_plan_ends_at_its_limit_and_without_one_the_search_soon_after(monkeypa
     patient = Deadline(time_limit_s=100.0, begun=996.0)
     patient.arm()
     patient.check()
-    assert patient.of_regions() == pytest.approx(8002.4 + (8076.0 - 8002.4) * 2.0 / 3.0)
+    assert patient.of_regions() == pytest.approx(8002.1 + (8076.0 - 8002.1) * 2.0 / 3.0)
     # what is shorter than five seconds leaves the least time for a first plan
     short = Deadline(time_limit_s=3.0, begun=996.0).of_search()
     short.check()
@@ -413,9 +413,9 @@ def test_a_plan_ends_at_its_limit_and_without_one_the_search_soon_after(monkeypa
     assert not Deadline().of_search().limited
 
 
-@pytest.mark.parametrize(("passed_s", "settling_s"), [(4.0, 0.7), (5.5, 0.7), (5.7, 0.0)])
+@pytest.mark.parametrize(("passed_s", "settling_s"), [(4.0, 0.7), (5.2, 0.7), (5.5, 0.0)])
 def test_settings_are_moved_only_where_the_least_time_fits(passed_s, settling_s, monkeypatch):
-    """A limit of 5 s leaves 1.3 s beyond it: 0.7 s fit until 5.6 s."""
+    """A limit of 5 s leaves 1 s beyond it: 0.7 s fit until 5.3 s."""
     monkeypatch.setattr(callbacks.time, "monotonic", lambda: 1000.0)
     monkeypatch.setattr(callbacks.time, "time", lambda: 8000.0)
     deadline = Deadline(time_limit_s=5.0, begun=1000.0 - passed_s)
@@ -429,7 +429,7 @@ def test_tasks_of_other_processes_end_when_the_search_does(monkeypatch):
     search = Deadline(time_limit_s=20.0, begun=1000.0).of_search()
     # nothing to end with yet: until when there must be a first plan
     waits = search.check_now().__self__.until
-    assert waits == pytest.approx(8000.0 + 20.0 + 1.3)
+    assert waits == pytest.approx(8000.0 + 20.0 + 1.0)
     search.arm()
     assert search.check_now().__self__.until == pytest.approx(8000.0 + 0.8 * 20.0)
     assert Deadline().check_now().__self__.until == math.inf
@@ -472,7 +472,7 @@ def test_without_a_folder_for_files_tasks_end_when_a_first_plan_would_be_late(mo
     search = Deadline(time_limit_s=20.0, begun=1000.0).of_search()
     check = search.check_now()
     search.arm()
-    clock[0] += 21.2
+    clock[0] += 20.9
     check()
     clock[0] += 0.2
     with pytest.raises(TimeIsUpError):
