@@ -314,6 +314,8 @@ _OF_CAMERA = {
     ReasonKind.NO_FEASIBLE_VIEW,
     ReasonKind.PROBABILITY_TOO_LOW,
 }
+# reasons that the views to which a light limits a target may be the cause of
+_OF_VIEW = {ReasonKind.OUT_OF_FOCUS, ReasonKind.NO_FEASIBLE_VIEW}
 
 
 def _notes(plan: InspectionPlan) -> list[str]:
@@ -324,7 +326,10 @@ def _notes(plan: InspectionPlan) -> list[str]:
         unshown = not_shown_texts(plan, k)
         texts += [f"setting {k + 1}: {text}" for text in [*unshown_texts(images, k), *unshown]]
     kinds = {kind_of(reason) for reason in plan.uninspectable.values()}
-    if ReasonKind.NOT_SHOWN in kinds:
+    lighting = plan.request.lighting
+    # a light that the camera carries, and one behind the part, show a target from some views only
+    limits_views = lighting is not None and (lighting.is_ring or lighting.is_area)
+    if ReasonKind.NOT_SHOWN in kinds or (limits_views and kinds & _OF_VIEW):
         texts.append(
             "another light may show more: plan without --light, and 'aspectgraph lights' with that plan prints which"
         )

@@ -15,6 +15,7 @@ from plan_examples import ENTITIES, changed, plan, setting
 from planner import (
     Camera,
     DiffuseDome,
+    Lighting,
     LightPlan,
     LitImage,
     SimulationResult,
@@ -42,6 +43,7 @@ from planner.report.wording import (
     unstated_edges_text,
     verdict,
 )
+from planner.sensor_setting import Reason, ReasonKind
 from planner.verify.simulate_setting import (
     CONFIRMED,
     CONSERVATIVE,
@@ -452,3 +454,22 @@ def test_lengths_are_said_to_be_planned_as_sharp():
     )
     assert differing in promise_sentence(lengths)
     assert differing not in promise_sentence(stated)
+
+
+@pytest.mark.parametrize(
+    ("lamps", "kind", "n"),
+    [
+        ("backlight", ReasonKind.NO_FEASIBLE_VIEW, 1),
+        ("ring", ReasonKind.OUT_OF_FOCUS, 1),
+        ("backlight", ReasonKind.PROBABILITY_TOO_LOW, 0),
+        (None, ReasonKind.NO_FEASIBLE_VIEW, 0),
+    ],
+)
+def test_a_light_that_limits_the_views_may_be_why_there_is_none(lamps, kind, n, capsys):
+    """A rim that a backlight shows from afar only was out of focus, and another camera was proposed alone."""
+    lighting = None if lamps is None else Lighting(lamps)
+    missing = {"bottom": Reason.of(kind, "out of focus by 201 mm")}
+    print_plan(changed(plan(), lighting=lighting, uninspectable=missing))
+    out = capsys.readouterr().out
+    assert out.count("another light may show more") == n
+    assert out.count("another camera may inspect more") == 1
