@@ -138,6 +138,17 @@ def test_every_target_is_drawn_and_named_once_for_a_desktop_and_once_for_a_phone
     )
 
 
+def test_names_that_are_too_small_for_a_phone_are_printed(monkeypatch):
+    """Paper shows the picture of a phone, which has no names then."""
+    named = overview(box_plan(NAMES), SPACE.solid)
+    assert 'class="unnamed"' not in named
+    assert "A wider window" not in named
+    monkeypatch.setattr("planner.report.page._LEAST_FONT_PT", 100.0)
+    unnamed = overview(box_plan(NAMES), SPACE.solid)
+    assert 'class="unnamed"' in unnamed
+    assert '<span class="narrow">A wider window shows their names.</span>' in unnamed
+
+
 def test_two_views_from_opposite_corners_show_all_edges_of_a_box():
     """From a corner a box shows nine edges, and from the opposite one the other three."""
     camera = Camera(10.0, (0.002, 0.002), (2400, 2400), 8.0, 500.0)
