@@ -310,10 +310,14 @@ def test_a_program_lists_its_stops_and_what_to_look_at():
 def test_the_results_of_a_folder_are_one_table():
     assert repr(PARTS) == "<PartResults of 3 parts: 1 planned, 1 incomplete, 1 refused>"
     html = PARTS._repr_html_()
-    # what is not planned comes first, with the reason
+    # what is not planned comes first, and the reasons below the table
     cells = re.findall("<td[^>]*>(?:<span[^>]*>)?([^<]*)", html)
-    assert cells[::5] == ["a&lt;b.step", "open.stl", "lids/lid.step"]
-    assert cells[1:5] == ["incomplete", "", "2 (at least 2)", "no lamp shows rim &amp; edge"]
+    assert cells[::4] == ["a&lt;b.step", "open.stl", "lids/lid.step"]
+    assert cells[1:4] == ["incomplete", "", "2 (at least 2)"]
+    assert re.findall("<li>([^<]*)</li>", html) == [
+        "a&lt;b.step: no lamp shows rim &amp; edge",
+        "open.stl: the part must be closed. Got 3 holes.",
+    ]
     assert f'color:{TONES["bad"]}">1 planned, 1 incomplete, 1 refused.<' in html
     assert "3 requirements left out." in html
     both = PartResults(

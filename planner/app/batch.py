@@ -401,7 +401,7 @@ class PartResults(list[PartResult], ShownInNotebook):
         return f"{inspected} of {count(total, 'target')} inspected"
 
     def _notebook_view(self) -> NotebookView:
-        """Return a table of the parts, those without a whole plan first, as the terminal lists them."""
+        """Return a table of the parts, those without a whole plan first, and their reasons below it."""
         ordered = sorted(self, key=lambda result: result.status == "planned")
         rows = [
             (
@@ -409,7 +409,6 @@ class PartResults(list[PartResult], ShownInNotebook):
                 Toned(result.status, _TONES[result.status]),
                 f"{result.inspected} of {result.targets}" if result.targets else "",
                 f"{result.settings} (at least {result.lower_bound})" if result.settings else "",
-                result.reason,
             )
             for result in ordered[:_SHOWN_PARTS]
         ]
@@ -422,9 +421,10 @@ class PartResults(list[PartResult], ShownInNotebook):
         note = f"and {more} more; results.csv in the folder lists all." if more else ""
         if text := self._inspected_text():
             lines.append(f"{text}.")
-        headings = ("part", "status", "inspected", "settings", "reason")
-        table = NotebookTable(headings, rows, note=note)
-        return NotebookView(count(len(self), "part"), lines, table)
+        table = NotebookTable(("part", "status", "inspected", "settings"), rows, note=note)
+        # sentences, for which a narrow page has no column
+        reasons = {result.part: result.reason for result in ordered[:_SHOWN_PARTS] if result.reason}
+        return NotebookView(count(len(self), "part"), lines, table, reasons)
 
 
 class _Table(NamedTuple):
