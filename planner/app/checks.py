@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 # The camera that ``--camera`` names; it loads numpy, and nothing that takes longer.
 
 
+_OF_CAMERA = "must be a TOML file, or a name that 'aspectgraph cameras' lists"
+
+
 def read_camera(text: str) -> Camera:
     """Return the camera of a TOML file, or the one with that name in the catalogue."""
     from planner.camera.camera import Camera
@@ -41,6 +44,11 @@ def read_camera(text: str) -> Camera:
         try:
             return Camera.from_toml(path)
         except CameraError as error:
+            kind = _kind_of_content(path)
+            if kind in ("dimensions", "cell"):
+                got = f"{text!r}, {_WORDS[kind]}"
+                hint = f"give it to --{kind}"
+                raise CameraError.of_rule("camera", _OF_CAMERA, got, hint=hint) from None
             # begins with the file, and the line that breaks a rule
             raise CameraError(f"--camera {error}") from None
     try:
@@ -48,8 +56,7 @@ def read_camera(text: str) -> Camera:
     except CameraError as error:
         if error.parameter != "camera":
             raise
-        rule = "must be a TOML file, or a name that 'aspectgraph cameras' lists"
-        raise CameraError.of_rule("camera", rule, error.got, hint=error.hint) from None
+        raise CameraError.of_rule("camera", _OF_CAMERA, error.got, hint=error.hint) from None
 
 
 # What somebody at a shell knows the parameters of a call as, and errors in these words.

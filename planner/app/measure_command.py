@@ -127,6 +127,14 @@ def measure(options: Measure) -> int:
     if reasons:
         share = f"{len(reasons)} of {len(parts)} parts"
         write_error(visible(f"aspectgraph: {share} not measured: {', '.join(reasons)}"))
+    blank = [
+        outcome.serial
+        for outcome in outcomes
+        if not isinstance(outcome, _Reason) and not any(result.measured for result in outcome)
+    ]
+    if options.parts and blank:
+        share = f"{len(blank)} of {len(parts)} parts"
+        write_error(visible(f"aspectgraph: {share} without a value: {', '.join(blank)}"))
     codes = [
         outcome.code if isinstance(outcome, _Reason) else _code(outcome, options.exit)
         for outcome in outcomes

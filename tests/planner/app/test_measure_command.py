@@ -5,6 +5,7 @@ import hashlib
 import json
 import os
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -425,3 +426,15 @@ def test_measuring_says_which_image_it_is_at(folder, capsys):
     lines = capsys.readouterr().err
     for label in ("preparing images", "registering images", "measuring in images"):
         assert f"{label}: 2/2 (" in lines
+
+
+def test_a_part_without_a_value_is_named_at_the_end(folder, tmp_path, capsys):
+    """Its images are those of other settings, which show the targets elsewhere."""
+    (tmp_path / "whole").symlink_to(folder / "good")
+    flat = tmp_path / "flat"
+    flat.mkdir()
+    names = sorted(path.name for path in (folder / "good").iterdir())
+    for name, other in zip(names, reversed(names), strict=True):
+        shutil.copy(folder / "good" / other, flat / name)
+    run(folder, tmp_path, *given(folder), "--parts", out="named")
+    assert capsys.readouterr().err == "aspectgraph: 1 of 2 parts without a value: flat\n"

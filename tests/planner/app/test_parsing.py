@@ -1057,6 +1057,11 @@ BAD_BAD_INPUTS = {
         ["plan", BLOCK_BAD_INPUTS, "--dimensions", "cell.toml", *CAMERA_BAD_INPUTS],
         "--dimensions must be 'all' or a file of dimensions. Got 'cell.toml', a cell file; give it to --cell.",
     ),
+    "dimensions for a camera": (
+        ["plan", BLOCK_BAD_INPUTS, "--all", "--camera", "table.toml", "--out", "out"],
+        "--camera must be a TOML file, or a name that 'aspectgraph cameras' lists. Got 'table.toml', a file of "
+        "dimensions; give it to --dimensions.",
+    ),
     "a share of no tolerance": (
         [*EDGES, "--share", "0.3"],
         "--share must be given with --dimensions. Got none.",
