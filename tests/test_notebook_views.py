@@ -21,10 +21,13 @@ from ground.notebook import TONES, ShownInNotebook
 from planner import (
     ArmUncertainty,
     Cell,
+    CoaxialLight,
     GivenPose,
     LightComparison,
     Lighting,
+    LightPlan,
     LightShows,
+    LitImage,
     PartResult,
     PartResults,
     Registration,
@@ -433,3 +436,25 @@ def test_casting_rays_in_a_notebook_prints_nothing():
         [sys.executable, "-c", IN_A_NOTEBOOK], capture_output=True, text=True, check=True
     )
     assert (told.stdout, told.stderr) == ("", "")
+
+
+def test_a_light_with_an_area_has_no_lamps():
+    """It was shown as 0 lamps, of which fewer may be enough."""
+    shows = (LitImage((), {"top front": 0.3}),)
+    made = LightPlan(
+        "coaxial",
+        0.1,
+        0.05,
+        "dark",
+        np.zeros((0, 3)),
+        (shows,),
+        ({},),
+        0,
+        "",
+        area=CoaxialLight(104.0, 250.0),
+    )
+    html = made._repr_html_()
+    assert "<b>Light</b>" in html
+    assert f'color:{TONES["good"]}">Every target of the settings is lit.<' in html
+    assert str(made.area) in html
+    assert "lamp" not in html

@@ -142,7 +142,9 @@ def seen_beside(
 def across(sight: Array, along: Array) -> Array:
     """Return unit vectors (..., 3) that are square to lines of sight (..., 3) and to a direction (3,)."""
     direction = np.cross(sight, along)
-    return np.asarray(direction / np.linalg.norm(direction, axis=-1, keepdims=True))
+    # nan of what is seen along the direction
+    with np.errstate(invalid="ignore"):
+        return np.asarray(direction / np.linalg.norm(direction, axis=-1, keepdims=True))
 
 
 def rays_beside(sight: Array, along: Array, hidden: Array, pixel_rad: float) -> Array:

@@ -203,27 +203,35 @@ class LightPlan(ShownInNotebook):
     def __repr__(self) -> str:
         """Return a one-line summary."""
         dark = sum(map(len, self.unlit))
-        lamps = (
-            f"{count(len(self.lamps), f'{self.kind} lamp')} (at least {self.lower_bound} needed)"
-        )
-        if self.area is not None:
-            lamps = str(self.area)
         images = count(sum(map(len, self.images)), "image")
-        return f"<LightPlan: {lamps}, contrast {self.contrast:g}, {images}, {dark} unlit>"
+        return f"<LightPlan: {self._source}, contrast {self.contrast:g}, {images}, {dark} unlit>"
+
+    @property
+    def _source(self) -> str:
+        """What lights the images."""
+        if self.area is not None:
+            return str(self.area)
+        lamps = count(len(self.lamps), f"{self.kind} lamp")
+        return f"{lamps} (at least {self.lower_bound} needed)"
 
     def _notebook_view(self) -> NotebookView:
-        rows = []
+        rows: list[tuple[Any, ...]] = []
         for number, images in enumerate(self.images, start=1):
             for image in images:
                 places = [", ".join(f"{c:.1f}" for c in self.lamps[lamp]) for lamp in image.lamps]
                 lamps = ", ".join(f"{lamp + 1}" for lamp in image.lamps)
                 weakest = f"{min(image.contrast.values()):.2f}"
-                rows.append((number, lamps, "; ".join(places), ", ".join(image.contrast), weakest))
-        headings = ("setting", "lamp", "at (mm)", "shows", "smallest contrast")
-        lamps = count(len(self.lamps), f"{self.kind} lamp")
+                which = () if self.area is not None else (lamps, "; ".join(places))
+                rows.append((number, *which, ", ".join(image.contrast), weakest))
+        headings = ["setting", "lamp", "at (mm)", "shows", "smallest contrast"]
+        right = [0, 1, 4]
+        if self.area is not None:
+            # its place is that of the camera, or known
+            headings[1:3] = []
+            right = [0, 2]
         lines = (
             self._verdict(),
-            f"{lamps} (at least {self.lower_bound} needed), "
+            f"{self._source}, "
             f"{count(len(rows), 'image')}, {self.ground} background, contrast ≥ {self.contrast:g}",
         )
         unlit = {
@@ -231,12 +239,15 @@ class LightPlan(ShownInNotebook):
             for number, reasons in enumerate(self.unlit, start=1)
             for name, reason in reasons.items()
         }
-        return NotebookView("Lamps", lines, NotebookTable(headings, rows, right=(0, 1, 4)), unlit)
+        title = "Lamps" if self.area is None else "Light"
+        return NotebookView(title, lines, NotebookTable(headings, rows, right=right), unlit)
 
     def _verdict(self) -> Toned:
         if not self.complete:
             n = sum(map(len, self.unlit))
             return Toned(f"{count(n, 'target is', 'targets are')} not lit.", "bad")
+        if self.area is not None:
+            return Toned("Every target of the settings is lit.", "good")
         if not self.minimal:
             return Toned("Every target of the settings is lit; fewer lamps may be enough.", "open")
         return Toned("Every target of the settings is lit; fewer lamps are not enough.", "good")
