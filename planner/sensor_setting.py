@@ -373,7 +373,8 @@ class Foreseen:
     setting : int
         Number of the setting, from 0.
     expanded_uncertainty : float
-        U with the state of edges that `measure` assumes or that is stated, mm (angles: degrees).
+        U with the state of edges that `measure` assumes or that is stated, mm (angles: degrees). The response of the
+        camera is taken for known.
     unseen_uncertainty : float
         U with breaks that images may not show; equal where the state is stated.
     limit_mm : float
