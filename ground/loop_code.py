@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import hashlib
+import inspect
 import sys
 import types as python_types
 from collections.abc import Callable, Iterator
@@ -28,6 +29,8 @@ from numba import types as numba_types
 
 # numba's own code has numba's version, and the rest is Python's
 _FOREIGN = frozenset({*sys.stdlib_module_names, "numba", "numpy", "llvmlite", "scipy"})
+# numba clears the other flags of a loop's code that runs under a profiler
+_CALLING = inspect.CO_VARARGS | inspect.CO_VARKEYWORDS | inspect.CO_GENERATOR
 _PLAIN = (bool, int, float, complex, str, bytes, range, slice, type(None), type(...))
 
 
@@ -159,7 +162,8 @@ def _names(code: python_types.CodeType) -> tuple[str, ...]:
 @cache
 def _code_text(code: python_types.CodeType) -> str:
     """Return instructions, names and constants; not where they stand in which file."""
-    parts = [code.co_code.hex(), repr((code.co_argcount, code.co_kwonlyargcount, code.co_flags))]
+    flags = code.co_flags & _CALLING
+    parts = [code.co_code.hex(), repr((code.co_argcount, code.co_kwonlyargcount, flags))]
     parts += [repr(code.co_names), repr(code.co_varnames), repr(code.co_freevars)]
     for constant in code.co_consts:
         inside = isinstance(constant, python_types.CodeType)

@@ -6,13 +6,15 @@ in all of them. What is told here is proven for each place of the cameras, so le
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph import Solid
 from aspectgraph.solid.solid import RayScene
+from ground.decorators import entry_kernel, kernel_without_refcounts
 from planner.detectability.corners import SHOWS, Contours
 
 Array = NDArray[np.float64]
@@ -31,10 +33,33 @@ _NEARLY = 0.9
 _SHORTEST = 1e-6
 # distances from curves may be said to be less than they are, by a tenth of how far these leave their chords
 _BULGIER = 1.25
+# lines near segments that there is memory for at first
+_ROOM = 256
 # cameras to come may be so many times as far from the middle as those of the first images
 _WIDER = 1.25
 # of the distance to the part: cameras farther apart than this are not near to each other
 _APART = 0.1
+
+# Columns of a table of segments, as the middle of a ball sees them: unit vectors to both ends, how
+# far what belongs to a segment is off it (rad; 2 π where nothing is known), its middle (mm), how
+# far it reaches from that, and how near it comes to anywhere in the ball. Then a cone that holds
+# it, axis and half angle, and how far it reaches from the part's middle. At last the arc of a great
+# circle between the ends: the normal of its plane, those of planes at its ends, and the sine of its
+# angle.
+_FIRST = 0
+_LAST = 3
+_OFF = 6
+_MIDDLE = 7
+_HALF_MM = 10
+_NEAREST_MM = 11
+_AXIS = 12
+_HALF = 15
+_FAR_MM = 16
+_NORMAL = 17
+_AFTER = 20
+_BEFORE = 23
+_LENGTH = 26
+_COLUMNS = 27
 
 
 class PartPieces:
@@ -112,8 +137,9 @@ class Vicinity:
         self._spread = spread
         self._part = part
         self._whole = self._seen(part.ends, part.bulge_mm)
-        # the sides of faces, as far as somebody has asked
-        self._sides: dict[int, tuple[_Seen, tuple[Array, Array, Array]]] = {}
+        # those that somebody has asked for; pieces, and sides of faces
+        self._pieces = _Looks.none(len(part.ends) * _PARTS)
+        self._sides = _Looks.none(len(part.faces.borders))
         # of each piece 1 where it is hidden, 0 where it may be seen, -1 where nobody has looked yet
         self._hidden = np.full((len(part.ends), _PARTS), -1, np.int8)
 
@@ -152,26 +178,31 @@ class Vicinity:
             Lines that are looked at for each owner.
         """
         part = self._part
-        # lines near an owner first, then near a segment, then pieces of what is left
-        whole = self._seen(spans, np.zeros(len(spans)))
-        by_owner = among & self._may_meet(self._balls(spans, owner, len(among)), angle)
-        of, line = np.nonzero(by_owner[owner])
-        near = _meet(whole.chosen(of), self._whole.chosen(line), self.radius_mm, angle)
-        of = of[near]
-        line = line[near]
-        off_mm = np.repeat(part.bulge_mm[line], _PARTS)
-        pieces = self._seen(part.split[line].reshape(-1, 2, 3), off_mm)
-        other = whole.chosen(np.repeat(of, _PARTS))
-        near = _meet(other, pieces, self.radius_mm, angle).reshape(-1, _PARTS)
-        # where on a chord its curve is near is not known so exactly
-        curved = part.bulge_mm[line] > 0.0
-        near[curved] = near[curved].any(axis=1)[:, None]
+        spans_seen = self._seen(spans, np.zeros(len(spans)))
+        balls = self._balls(spans, owner, len(among))
+        room = _ROOM
+        while True:
+            rows = np.empty((room, 2), np.int64), np.empty((room, _PARTS), np.bool_)
+            lines = (self._whole, part.bulge_mm, among)
+            pieces = (self._pieces.table, self._pieces.is_seen, part.split.reshape(-1, 2, 3))
+            limits = (*self._ball, angle)
+            n = _near_lines((spans_seen, owner, balls), lines, pieces, limits, rows)
+            if n <= room:
+                break
+            room = n
+        of, line = rows[0][:n].T
+        near = rows[1][:n]
         row, piece = np.nonzero(near)
         near[row, piece] = ~self._are_hidden(line[row], piece)
         may_show = near.any(axis=1)
         return of[may_show], line[may_show]
 
-    def _balls(self, spans: Array, owner: Indices, n: int) -> _Seen:
+    @property
+    def _ball(self) -> tuple[Array, float, Array]:
+        """The ball, and the middle of the part as its centre sees it."""
+        return self.centre, self.radius_mm, self._part.middle - self.centre
+
+    def _balls(self, spans: Array, owner: Indices, n: int) -> Array:
         """Return balls (n,) that hold the segments of each owner."""
         middles = spans.mean(axis=1)
         half_mm = np.linalg.norm(spans[:, 1] - spans[:, 0], axis=1) / 2.0
@@ -182,17 +213,6 @@ class Vicinity:
         far_mm = np.linalg.norm(middles - centres[owner], axis=1) + half_mm
         np.maximum.at(radius_mm, owner, far_mm)
         return self._seen(np.repeat(centres[:, None], 2, axis=1), radius_mm)
-
-    def _may_meet(self, spans: _Seen, angle: float) -> Mask:
-        """Return where `_meet` is worth asking, of segments or balls (s,) and all lines (m,); (s, m)."""
-        lines = self._whole
-        axes, half, far_mm = spans.around(self._part.middle - self.centre)
-        line_axes, line_half, line_far_mm = lines.around(self._part.middle - self.centre)
-        chord = np.sqrt(np.maximum(2.0 - 2.0 * (axes @ line_axes.T), 0.0))
-        change = self.radius_mm * np.add.outer(far_mm, line_far_mm)
-        change /= np.multiply.outer(spans.nearest_mm, lines.nearest_mm)
-        limit = np.add.outer(half + spans.off, line_half + lines.off) + change
-        return np.asarray(chord <= limit + (angle + _ROUNDING))
 
     def _are_hidden(self, line: Indices, piece: Indices) -> Mask:
         """Return which pieces of lines (q,) are hidden from the whole ball."""
@@ -215,24 +235,13 @@ class Vicinity:
         possible = (fronts >= fewest[:, None]) & (fronts <= highest[:, None])
         return np.asarray((shows & possible).any(axis=1))
 
-    def in_line(self, face: int, sides: Array, segment: Array, off_mm: float) -> Mask:
-        """Return which sides (q, 2, 3) of a face may be seen to meet a segment (2, 3), up to an uncertainty in mm."""
-        middle = self._part.middle - self.centre
-        if face not in self._sides:
-            seen = self._seen(sides, np.full(len(sides), off_mm))
-            self._sides[face] = seen, seen.around(middle)
-        seen, (axes, half, far_mm) = self._sides[face]
-        itself = self._seen(segment[None], np.full(1, off_mm))
-        (axis,), (own_half,), (own_far_mm,) = itself.around(middle)
-        # as `_may_meet`
-        chord = np.sqrt(np.maximum(2.0 - 2.0 * (axes @ axis), 0.0))
-        change = self.radius_mm * (far_mm + own_far_mm) / (seen.nearest_mm * itself.nearest_mm)
-        limit = half + own_half + seen.off + itself.off + change + _ROUNDING
-        rows = np.flatnonzero(chord <= limit)
-        result = np.zeros(len(sides), bool)
-        repeated = itself.chosen(np.zeros(len(rows), np.int64))
-        result[rows] = _meet(repeated, seen.chosen(rows), self.radius_mm, 0.0)
-        return result
+    def hides(self, pieces: Array, first: Indices, unsure_mm: float) -> Mask:
+        """Return which segments (q, 2, 3) faces hide from the whole ball, from a first one (q,) on; mm."""
+        hidden = np.zeros(len(pieces), np.bool_)
+        faces = self._part.faces
+        sides = (self._sides.table, self._sides.is_seen, faces.borders)
+        _hide(pieces, first, faces.compiled, sides, (*self._ball, unsure_mm), hidden)
+        return hidden
 
     def turned_away(self, corner: Array, ends: Array, tips: Array) -> Array:
         """Return the least angle at which lines leave segments that begin at the same corner, as seen; rad, (q,).
@@ -274,106 +283,28 @@ class Vicinity:
 
     def seen_within(self, line: Indices) -> Array:
         """Return how long lines (q,) look at most, rad; π where nothing is known."""
-        whole = self._whole.chosen(line)
-        turn = np.arcsin(np.minimum(self.radius_mm / whole.nearest_mm, 1.0))
-        length = _angle(whole.directions[:, 0], whole.directions[:, 1])
-        return np.minimum(length + whole.off + 2.0 * turn, np.pi)
+        whole = self._whole[line]
+        turn = np.arcsin(np.minimum(self.radius_mm / whole[:, _NEAREST_MM], 1.0))
+        length = _angle(whole[:, _FIRST:_LAST], whole[:, _LAST:_OFF])
+        return np.asarray(np.minimum(length + whole[:, _OFF] + 2.0 * turn, np.pi))
 
-    def _seen(self, segments: Array, bulge_mm: Array) -> _Seen:
-        """Return how segments (m, 2, 3), and what is so far off them, look from the middle of the ball."""
-        local = segments - self.centre
-        length = np.linalg.norm(local, axis=2)
-        directions = local / np.maximum(length, _TINY_MM)[..., None]
-        along = local[:, 1] - local[:, 0]
-        square = (along**2).sum(axis=1)
-        share = np.clip(-(local[:, 0] * along).sum(axis=1) / np.maximum(square, _TINY_MM), 0.0, 1.0)
-        reached_mm = np.linalg.norm(local[:, 0] + share[:, None] * along, axis=1)
-        nearest_mm = reached_mm - bulge_mm - self.radius_mm
-        unknown = nearest_mm < (1.0 - _NEARLY) * reached_mm
-        off = np.arcsin(np.minimum(bulge_mm / np.maximum(reached_mm, _TINY_MM), _NEARLY))
-        half_mm = np.sqrt(square) / 2.0 + bulge_mm
-        return _Seen(
-            directions,
-            np.where(unknown, 2.0 * np.pi, off),
-            local.mean(axis=1),
-            half_mm,
-            np.maximum(nearest_mm, _TINY_MM),
-        )
+    def _seen(self, segments: Array, bulge_mm: Array) -> Array:
+        """Return how segments (m, 2, 3), and what is so far off them, look from the middle of the ball: a table."""
+        table = np.empty((len(segments), _COLUMNS))
+        _look_all(np.ascontiguousarray(segments), bulge_mm, self._ball, table)
+        return table
 
 
-class _Seen(NamedTuple):
-    """Segments (q) as the middle of a ball sees them.
+class _Looks(NamedTuple):
+    """How segments look from the middle of a ball: a table (q, 27), and which of its rows are filled (q,)."""
 
-    Attributes
-    ----------
-    directions : array (q, 2, 3)
-        Of their ends.
-    off : array (q,)
-        How far what belongs to them is off them, rad; 2 π where nothing is known.
-    middles : array (q, 3)
-        Of the segments, mm.
-    half_mm : array (q,)
-        How far from these they reach.
-    nearest_mm : array (q,)
-        From anywhere in the ball, they are no nearer.
-    """
+    table: Array
+    is_seen: Mask
 
-    directions: Array
-    off: Array
-    middles: Array
-    half_mm: Array
-    nearest_mm: Array
-
-    def around(self, middle: Array) -> tuple[Array, Array, Array]:
-        """Return axes (q, 3) and half angles (q,) of cones that hold them, and how far from a point they reach, mm."""
-        axes = self.directions.sum(axis=1)
-        size = np.linalg.norm(axes, axis=1)
-        # half of the angle between two unit vectors
-        half = np.arctan2(
-            np.linalg.norm(self.directions[:, 1] - self.directions[:, 0], axis=1), size
-        )
-        far_mm = np.linalg.norm(self.middles - middle, axis=1) + self.half_mm
-        return axes / np.maximum(size, _TINY_MM)[:, None], half, far_mm
-
-    def chosen(self, which: Indices) -> _Seen:
-        """Return some of them."""
-        return _Seen(*(field[which] for field in self))
-
-
-def _meet(one: _Seen, other: _Seen, radius_mm: float, angle: float) -> Mask:
-    """Return which segments (q,) may be seen so near to others (q,) from anywhere in the ball."""
-    apart_mm = np.linalg.norm(one.middles - other.middles, axis=1) + one.half_mm + other.half_mm
-    change = radius_mm * apart_mm / (one.nearest_mm * other.nearest_mm)
-    limit = one.off + other.off + change + (angle + _ROUNDING)
-    return np.asarray(_apart(one.directions, other.directions) <= limit)
-
-
-def _apart(one: Array, other: Array) -> Array:
-    """Return how far arcs of great circles are apart, by their ends (q, 2, 3); chords, which are less than angles."""
-    nearest = np.full(len(one), np.inf)
-    sides = []
-    for arc, points in ((one, other), (other, one)):
-        first = arc[:, 0]
-        last = arc[:, 1]
-        normal = _cross(first, last)
-        length = np.linalg.norm(normal, axis=1)
-        is_arc = length > _SHORTEST
-        normal /= np.maximum(length, _TINY_MM)[:, None]
-        after = _cross(normal, first)
-        before = _cross(last, normal)
-        side = []
-        for end in range(2):
-            point = points[:, end]
-            height = (point * normal).sum(axis=1)
-            within = is_arc & ((point * after).sum(axis=1) > 0) & ((point * before).sum(axis=1) > 0)
-            chord = np.minimum(*(np.linalg.norm(point - arc[:, k], axis=1) for k in range(2)))
-            # of what is too short to have a direction
-            chord -= np.where(is_arc, 0.0, length)
-            nearest = np.minimum(nearest, np.where(within, np.abs(height), chord))
-            side.append(height)
-        sides.append((side[0] * side[1] <= 0.0) & is_arc)
-    in_front = (one.sum(axis=1) * other.sum(axis=1)).sum(axis=1) > 0.0
-    return np.where(sides[0] & sides[1] & in_front, 0.0, nearest)
+    @classmethod
+    def none(cls, n: int) -> _Looks:
+        """Return a table of which no row is filled."""
+        return cls(np.empty((n, _COLUMNS)), np.zeros(n, np.bool_))
 
 
 def _cross(one: Array, other: Array) -> Array:
@@ -427,7 +358,7 @@ class HidingFaces:
 
     def __init__(self, solid: Solid, scene: RayScene) -> None:
         self._scene = scene
-        self._normals = np.asarray(solid.normals, np.float64)
+        self._normals = np.array(solid.normals, np.float64, order="C")
         self._triangle_face = np.asarray(solid.triangle_face, np.int64)
         vertices = np.asarray(solid.vertices, np.float64)
         triangles = np.asarray(solid.triangles, np.int64)
@@ -441,51 +372,332 @@ class HidingFaces:
         of_face = np.column_stack([np.repeat(self._triangle_face, 3), sides])
         border, count = np.unique(of_face, axis=0, return_counts=True)
         border = border[count == 1]
-        self._borders = vertices[border[:, 1:]]
-        self._first = np.searchsorted(border[:, 0], np.arange(len(self._normals) + 1))
+        self.borders = np.ascontiguousarray(vertices[border[:, 1:]])
+        first = np.searchsorted(border[:, 0], np.arange(len(self._normals) + 1)).astype(np.int64)
         # what is beyond a border: the one other face that has this side, -1 where there is not one
         _, side, count = np.unique(border[:, 1:], axis=0, return_inverse=True, return_counts=True)
         side = side.reshape(-1)
         both = np.bincount(side, weights=border[:, 0]).astype(np.int64)
-        self._beyond = np.where(count[side] == 2, both[side] - border[:, 0], -1)
+        beyond = np.where(count[side] == 2, both[side] - border[:, 0], -1).astype(np.int64)
+        self.compiled = (self._normals, self._places, first, beyond)
 
     def hide(self, ball: Vicinity, pieces: Array) -> Mask:
         """Return which segments (q, 2, 3) are surely hidden from all of a ball; mm."""
         hits = self._scene.cast(ball.centre, pieces.mean(axis=1) - ball.centre)
         hidden = np.zeros(len(pieces), bool)
-        for row in np.flatnonzero(hits["t_hit"] < 1.0 - _SHORT).tolist():
-            first = int(self._triangle_face[int(hits["primitive_ids"][row])])
-            hidden[row] = self._is_hidden(ball, pieces[row], first)
-        return hidden
-
-    def _is_hidden(self, ball: Vicinity, piece: Array, first: int) -> bool:
-        """Return whether all faces that rays to a segment (2, 3) may meet, from a first one on, hide it."""
+        rows = np.flatnonzero(hits["t_hit"] < 1.0 - _SHORT)
+        first = self._triangle_face[hits["primitive_ids"][rows].astype(np.int64)]
         far_mm = float(np.linalg.norm(self._middle - ball.centre))
         unsure_mm = self._planarity_mm + _SINGLE * (far_mm + 2.0 * self._size_mm)
-        waiting = [first]
-        met = {first}
-        while waiting:
-            face = waiting.pop()
-            if not self._is_before(ball, piece, face, unsure_mm):
-                return False
-            sides = slice(self._first[face], self._first[face + 1])
-            # a plane that is off moves flat rays more
-            off_mm = unsure_mm / _LEAST_SINE
-            in_line = ball.in_line(face, self._borders[sides], piece, off_mm)
-            beyond = set(self._beyond[sides][in_line].tolist()) - met
-            met |= beyond
-            if -1 in met or len(met) > _MOST_FACES:
-                return False
-            waiting += sorted(beyond)
-        return True
+        hidden[rows] = ball.hides(pieces[rows], first, unsure_mm)
+        return hidden
 
-    def _is_before(self, ball: Vicinity, piece: Array, face: int, unsure_mm: float) -> bool:
-        """Return whether a face turns to the whole ball, and a segment is below its plane."""
-        normal = self._normals[face]
-        height = float((ball.centre - self._places[face]) @ normal)
-        depth = (self._places[face] - piece) @ normal
+
+@entry_kernel(error_model="numpy")
+def _look_all(segments: Any, bulge_mm: Any, ball: Any, table: Any) -> None:
+    """Write how segments (m, 2, 3), and what is so far off them (m,), look from the middle of a ball."""
+    for i in range(len(segments)):
+        _look(segments, i, bulge_mm[i], ball, table, i)
+
+
+@entry_kernel(error_model="numpy")
+def _near_lines(segments: Any, lines: Any, pieces: Any, limits: Any, found: Any) -> int:
+    """Write which lines may be seen near which segments, and which pieces of these; return how many there are.
+
+    Parameters
+    ----------
+    segments : tuple
+        Table (s, 27), whose they are (s,), and a table (r, 27) of balls that hold those of each owner.
+    lines : tuple
+        Table (m, 27), how far they are off it in mm (m,), and those looked at for each owner (r, m).
+    pieces : tuple
+        Table (8 m, 27), which rows are filled, and the pieces (8 m, 2, 3) in mm.
+    limits : tuple
+        Centre, radius, the part's middle from there, and how near, rad.
+    found : tuple
+        To be written: segment and line (q, 2), and which of its pieces (q, 8). What does not fit is counted.
+    """
+    spans, owner, balls = segments
+    whole, bulge_mm, among = lines
+    centre, radius_mm, middle, angle = limits
+    ball = (centre, radius_mm, middle)
+    near = np.empty(_PARTS, np.bool_)
+    is_near_owner = np.empty(among.shape, np.bool_)
+    for r in range(among.shape[0]):
+        for m in range(among.shape[1]):
+            is_near_owner[r, m] = among[r, m] and _may_meet(balls, r, whole, m, radius_mm, angle)
+    count = 0
+    for s in range(len(spans)):
+        for m in range(len(whole)):
+            if not is_near_owner[owner[s], m]:
+                continue
+            if not _may_meet(spans, s, whole, m, radius_mm, angle):
+                continue
+            if not _meet(spans, s, whole, m, radius_mm, angle):
+                continue
+            n_near = _near_pieces(spans, s, m, bulge_mm[m], pieces, ball, angle, near)
+            if n_near == 0:
+                continue
+            if count < len(found[0]):
+                found[0][count, 0] = s
+                found[0][count, 1] = m
+                for c in range(_PARTS):
+                    # where on a chord its curve is near is not known so exactly
+                    found[1][count, c] = near[c] or bulge_mm[m] > 0.0
+            count += 1
+    return count
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _near_pieces(
+    spans: Any, s: int, m: int, bulge_mm: float, pieces: Any, ball: Any, angle: float, near: Any
+) -> int:
+    """Write which pieces of a line may be seen near a segment; return how many."""
+    table, is_seen, ends = pieces
+    n_near = 0
+    for c in range(_PARTS):
+        row = m * _PARTS + c
+        if not is_seen[row]:
+            _look(ends, row, bulge_mm, ball, table, row)
+            is_seen[row] = True
+        near[c] = _may_meet(spans, s, table, row, ball[1], angle) and _meet(
+            spans, s, table, row, ball[1], angle
+        )
+        n_near += near[c]
+    return n_near
+
+
+@entry_kernel(error_model="numpy")
+def _hide(pieces: Any, first: Any, faces: Any, sides: Any, limits: Any, hidden: Any) -> None:
+    """Write which segments all faces that rays to them may meet hide, from a first one on.
+
+    Parameters
+    ----------
+    pieces : array (q, 2, 3)
+        The segments, mm.
+    first : array of int (q,)
+        The faces that the rays to their middles meet.
+    faces : tuple
+        `HidingFaces.compiled`.
+    sides : tuple
+        Table (b, 27) of the sides of faces, which rows are filled, and the sides (b, 2, 3) in mm.
+    limits : tuple
+        Centre, radius, the part's middle from there, and what is unsure, mm.
+    hidden : array of bool (q,)
+        To be written.
+    """
+    normals, places, begin, beyond = faces
+    centre, radius_mm, middle, unsure_mm = limits
+    ball = (centre, radius_mm, middle)
+    # a plane that is off moves flat rays more
+    off_mm = unsure_mm / _LEAST_SINE
+    met = np.empty(_MOST_FACES, np.int64)
+    segment = np.empty((1, _COLUMNS))
+    for q in range(len(pieces)):
+        _look(pieces, q, off_mm, ball, segment, 0)
+        met[0] = first[q]
+        n_met = 1
+        done = 0
+        while 0 <= done < n_met:
+            face = met[done]
+            done += 1
+            if not _is_before(pieces, q, face, normals, places, (centre, radius_mm, unsure_mm)):
+                done = -1
+                break
+            for side in range(begin[face], begin[face + 1]):
+                if not sides[1][side]:
+                    _look(sides[2], side, off_mm, ball, sides[0], side)
+                    sides[1][side] = True
+                if not _may_meet(segment, 0, sides[0], side, radius_mm, 0.0):
+                    continue
+                if not _meet(segment, 0, sides[0], side, radius_mm, 0.0):
+                    continue
+                n_met = _with_face(met, n_met, beyond[side])
+                if n_met < 0:
+                    break
+        hidden[q] = done == n_met
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _with_face(met: Any, n_met: int, face: int) -> int:
+    """Take note of a face that is met; return how many there are, -1 where that is not known or too many."""
+    if face < 0:
+        return -1
+    for i in range(n_met):
+        if met[i] == face:
+            return n_met
+    if n_met == len(met):
+        return -1
+    met[n_met] = face
+    return n_met + 1
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _is_before(pieces: Any, q: int, face: int, normals: Any, places: Any, limits: Any) -> bool:
+    """Whether a face turns to the whole ball, and a segment is below its plane."""
+    centre, radius_mm, unsure_mm = limits
+    height = 0.0
+    for c in range(3):
+        height += (centre[c] - places[face, c]) * normals[face, c]
+    if height <= 2.0 * (radius_mm + unsure_mm):
+        return False
+    for end in range(2):
+        depth = 0.0
+        square = 0.0
+        for c in range(3):
+            depth += (places[face, c] - pieces[q, end, c]) * normals[face, c]
+            square += (pieces[q, end, c] - centre[c]) ** 2
         whole = depth + height
-        is_steep = whole >= _LEAST_SINE * np.linalg.norm(piece - ball.centre, axis=1)
-        enough = np.maximum(_SHORT * (whole + ball.radius_mm), 2.0 * unsure_mm)
-        is_front = height > 2.0 * (ball.radius_mm + unsure_mm)
-        return bool(is_front and (is_steep & (depth >= enough)).all())
+        is_steep = whole >= _LEAST_SINE * math.sqrt(square)
+        if not is_steep or depth < max(_SHORT * (whole + radius_mm), 2.0 * unsure_mm):
+            return False
+    return True
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _look(segments: Any, i: int, bulge_mm: float, ball: Any, table: Any, row: int) -> None:
+    """Write how a segment, and what is so far off it, looks from the middle of a ball."""
+    centre, radius_mm, middle = ball
+    along_square = 0.0
+    forward = 0.0
+    for c in range(3):
+        first = segments[i, 0, c] - centre[c]
+        last = segments[i, 1, c] - centre[c]
+        table[row, _FIRST + c] = first
+        table[row, _LAST + c] = last
+        table[row, _MIDDLE + c] = (first + last) / 2.0
+        along_square += (last - first) ** 2
+        forward -= first * (last - first)
+    share = min(max(forward / max(along_square, _TINY_MM), 0.0), 1.0)
+    reached_square = 0.0
+    far_square = 0.0
+    for c in range(3):
+        first = table[row, _FIRST + c]
+        last = table[row, _LAST + c]
+        reached_square += (first + share * (last - first)) ** 2
+        far_square += (table[row, _MIDDLE + c] - middle[c]) ** 2
+    reached_mm = math.sqrt(reached_square)
+    nearest_mm = reached_mm - bulge_mm - radius_mm
+    table[row, _NEAREST_MM] = max(nearest_mm, _TINY_MM)
+    table[row, _OFF] = 2.0 * math.pi
+    if nearest_mm >= (1.0 - _NEARLY) * reached_mm:
+        table[row, _OFF] = math.asin(min(bulge_mm / max(reached_mm, _TINY_MM), _NEARLY))
+    table[row, _HALF_MM] = math.sqrt(along_square) / 2.0 + bulge_mm
+    table[row, _FAR_MM] = math.sqrt(far_square) + table[row, _HALF_MM]
+    _write_arc(table, row)
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _write_arc(table: Any, row: int) -> None:
+    """Make unit vectors of the ends of a segment; write the cone that holds it, and the arc between them."""
+    first_mm = max(_length(table, row, _FIRST), _TINY_MM)
+    last_mm = max(_length(table, row, _LAST), _TINY_MM)
+    sum_square = 0.0
+    between_square = 0.0
+    for c in range(3):
+        table[row, _FIRST + c] /= first_mm
+        table[row, _LAST + c] /= last_mm
+        table[row, _AXIS + c] = table[row, _FIRST + c] + table[row, _LAST + c]
+        sum_square += table[row, _AXIS + c] ** 2
+        between_square += (table[row, _LAST + c] - table[row, _FIRST + c]) ** 2
+    size = math.sqrt(sum_square)
+    # half of the angle between two unit vectors
+    table[row, _HALF] = math.atan2(math.sqrt(between_square), size)
+    for c in range(3):
+        table[row, _AXIS + c] /= max(size, _TINY_MM)
+    _write_cross(table, row, _FIRST, _LAST, _NORMAL)
+    table[row, _LENGTH] = _length(table, row, _NORMAL)
+    for c in range(3):
+        table[row, _NORMAL + c] /= max(table[row, _LENGTH], _TINY_MM)
+    _write_cross(table, row, _NORMAL, _FIRST, _AFTER)
+    _write_cross(table, row, _LAST, _NORMAL, _BEFORE)
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _length(table: Any, row: int, column: int) -> float:
+    return math.sqrt(
+        table[row, column] ** 2 + table[row, column + 1] ** 2 + table[row, column + 2] ** 2
+    )
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _may_meet(one: Any, i: int, other: Any, k: int, radius_mm: float, angle: float) -> bool:
+    """Whether `_meet` is worth asking: whether the cones that hold two segments come so near."""
+    cosine = 0.0
+    for c in range(3):
+        cosine += one[i, _AXIS + c] * other[k, _AXIS + c]
+    chord = math.sqrt(max(2.0 - 2.0 * cosine, 0.0))
+    change = radius_mm * (one[i, _FAR_MM] + other[k, _FAR_MM])
+    change /= one[i, _NEAREST_MM] * other[k, _NEAREST_MM]
+    limit = one[i, _HALF] + other[k, _HALF] + one[i, _OFF] + other[k, _OFF] + change
+    return bool(chord <= limit + (angle + _ROUNDING))
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _meet(one: Any, i: int, other: Any, k: int, radius_mm: float, angle: float) -> bool:
+    """Whether a segment may be seen so near to another one from anywhere in the ball."""
+    square = 0.0
+    for c in range(3):
+        square += (one[i, _MIDDLE + c] - other[k, _MIDDLE + c]) ** 2
+    apart_mm = math.sqrt(square) + one[i, _HALF_MM] + other[k, _HALF_MM]
+    change = radius_mm * apart_mm / (one[i, _NEAREST_MM] * other[k, _NEAREST_MM])
+    limit = one[i, _OFF] + other[k, _OFF] + change + (angle + _ROUNDING)
+    # no chord of a unit sphere is longer
+    return bool(limit >= 2.0 or _apart(one, i, other, k) <= limit)
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _apart(one: Any, i: int, other: Any, k: int) -> float:
+    """How far arcs of great circles are apart; chords, which are less than angles."""
+    nearest, is_crossed = _from_arc(one, i, other, k)
+    back, is_crossed_back = _from_arc(other, k, one, i)
+    is_facing = _dot(one, i, _AXIS, other, k, _AXIS) > 0.0
+    if is_crossed and is_crossed_back and is_facing:
+        return 0.0
+    return float(min(nearest, back))
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _from_arc(arc: Any, i: int, other: Any, k: int) -> tuple[float, bool]:
+    """How far the ends of another arc are from an arc, and whether they are on both sides of its plane."""
+    length = arc[i, _LENGTH]
+    is_arc = length > _SHORTEST
+    nearest = math.inf
+    heights = 1.0
+    for column in (_FIRST, _LAST):
+        height = _dot(arc, i, _NORMAL, other, k, column)
+        after = _dot(arc, i, _AFTER, other, k, column)
+        before = _dot(arc, i, _BEFORE, other, k, column)
+        heights *= height
+        if is_arc and after > 0.0 and before > 0.0:
+            nearest = min(nearest, abs(height))
+            continue
+        for end in (_FIRST, _LAST):
+            square = 0.0
+            for c in range(3):
+                square += (other[k, column + c] - arc[i, end + c]) ** 2
+            chord = math.sqrt(square)
+            # of what is too short to have a direction
+            nearest = min(nearest, chord if is_arc else chord - length)
+    return nearest, is_arc and heights <= 0.0
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _dot(one: Any, i: int, column: int, other: Any, k: int, other_column: int) -> float:
+    return float(
+        one[i, column] * other[k, other_column]
+        + one[i, column + 1] * other[k, other_column + 1]
+        + one[i, column + 2] * other[k, other_column + 2]
+    )
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _write_cross(table: Any, row: int, one: int, other: int, product: int) -> None:
+    """Write the cross product of two vectors of a row to columns of it."""
+    for c in range(3):
+        u = (c + 1) % 3
+        v = (c + 2) % 3
+        table[row, product + c] = (
+            table[row, one + u] * table[row, other + v]
+            - table[row, one + v] * table[row, other + u]
+        )

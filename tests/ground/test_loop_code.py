@@ -112,6 +112,30 @@ def test_values_that_are_equal_to_python_but_not_to_a_compiler_differ(one, other
     assert held[0] != held[1]
 
 
+def test_a_profiler_changes_no_digest():
+    """Otherwise a profiled program compiles its loops anew, and so does the next one that is not."""
+    script = (
+        "import cProfile, sys\n"
+        "import numpy as np\n"
+        "from planner.camera.pose_loops import move\n"
+        "from ground.loop_code import digest_of\n"
+        "call = lambda: move(np.eye(4), np.zeros((2, 6)), 0.0, np.empty((2, 4, 4)))\n"
+        "cProfile.Profile().runcall(call) if sys.argv[1] == 'profiled' else call()\n"
+        "print(digest_of(move))"
+    )
+    seen = {
+        subprocess.run(
+            [sys.executable, "-c", script, kind],
+            capture_output=True,
+            text=True,
+            check=True,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        ).stdout
+        for kind in ("profiled", "plain")
+    }
+    assert len(seen) == 1
+
+
 def test_the_digest_is_the_same_in_every_process():
     script = (
         "from errors.model import _joint_loop\n"
