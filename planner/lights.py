@@ -235,7 +235,7 @@ class LightComparison(tuple[LightShows, ...], ShownInNotebook):
         """Return a table of the lights, each with the first reasons why it does not show the others."""
         rows = []
         for item in self:
-            reasons = [f"{name}: {reason}" for name, reason in item.dark.items()]
+            reasons = [f"{name}: {reason.rstrip('.')}" for name, reason in item.dark.items()]
             more = len(reasons) - _SHOWN_REASONS
             text = "; ".join(reasons[:_SHOWN_REASONS]) + f"; and {more} more" * (more > 0)
             tone = "bad" if item.dark else "good"

@@ -163,8 +163,7 @@ class PlanTables(ShownInNotebook):
         for name, reason in self.uninspectable.items():
             rows.append({"setting": None, **self._target_values(name), "reason": reason})
         keys = list(dict.fromkeys(key for row in rows for key in row)) or ["setting", "name"]
-        units = " or ".join(sorted({row["unit"] for row in rows}))
-        columns = [_column(key, units) for key in keys]
+        columns = [_column(key) for key in keys]
         return Table(columns, [[row.get(key) for key in keys] for row in rows])
 
     def to_dataframe(self) -> Any:
@@ -295,14 +294,20 @@ class PlanTables(ShownInNotebook):
 
         best = self._best_rows()
         counted = all(setting.p_all for setting in self.settings)
+        shown = list(best)[:_SHOWN_TARGETS]
+        # where breaks are not stated, `measure` states another U than the plan's own
+        is_planned = {name for name in shown if best[name].foreseen is None and self._edges_lines()}
         rows = []
-        for name in list(best)[:_SHOWN_TARGETS]:
+        for name in shown:
             row = best[name]
             stated = [row.promise, row.probability] if counted else [row.probability]
             texts = [probability_text(p, self.probability) for p in stated]
-            rows.append((name, *_amounts(self.targets[name], row), *texts))
+            nominal, expanded = _amounts(self.targets[name], row)
+            rows.append((name, nominal, expanded + " *" * (name in is_planned), *texts))
         more = len(best) - len(rows)
-        note = f"and {more} more: plan.rows() and plan.to_dataframe() list all." if more else ""
+        notes = ["* as planned, with sharp edges: 'measure' states another U."] * bool(is_planned)
+        notes += [f"and {more} more: plan.rows() and plan.to_dataframe() list all."] * bool(more)
+        note = " ".join(notes)
         noun = words_of(self.targets).items[0]
         headings = (noun, "nominal", "U", *["P_all"] * counted, "P")
         return NotebookTable(headings, rows, right=range(2, len(headings)), note=note)
@@ -412,20 +417,19 @@ def _amounts(target: Target, row: Row) -> tuple[str, str]:
     return nominal, amount_text(digits_text(expanded, 2), row.unit)
 
 
-def _column(key: str, units: str) -> Column:
-    """Return a column of the table: its unit where the key does not end with one, and the digits of its floats."""
+def _column(key: str) -> Column:
+    """Return a column of the table: its unit where neither the key nor `unit` states it, and the digits of floats."""
     if key in ("x", "y", "z"):
         return Column(key, unit="mm", spec=".4f")
     if key in _ROTATION_VECTOR:
         return Column(key, unit="deg", spec=".5f")
     if key == "nominal":
-        return Column(key, unit=units, spec=".9g")
+        return Column(key, spec=".9g")
     if key == "permitted_error":
-        return Column(key, unit=units, spec=".6g")
-    if key in ("standard_uncertainty", "measured_uncertainty", "unseen_uncertainty"):
-        return Column(key, unit=units, spec=".3g")
-    if key.startswith("variance_"):
-        return Column(key, unit=" or ".join(f"{unit}²" for unit in units.split(" or ")), spec=".3g")
+        return Column(key, spec=".6g")
+    uncertainties = ("standard_uncertainty", "measured_uncertainty", "unseen_uncertainty")
+    if key in uncertainties or key.startswith("variance_"):
+        return Column(key, spec=".3g")
     if key in ("p_all", "probability"):
         return Column(key, spec=".6f", ceiling=0.999999)
     return Column(key, spec=".6f" if key.startswith("simulated") else ".4g")

@@ -325,7 +325,7 @@ def read_results_of(path):
     """Value and U of a table of results, by name."""
     with Path(path).open(newline="", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
-    return {row["name"]: (float(row["value (mm)"]), float(row["U (mm)"])) for row in rows}
+    return {row["name"]: (float(row["value"]), float(row["U"])) for row in rows}
 
 
 def measuring(names):

@@ -369,7 +369,8 @@ def test_a_light_says_what_it_shows_and_why_not_all():
 
 
 def test_compared_lights_are_a_table_with_reasons_and_a_tuple():
-    dark = {f"e{k}": f"reason {k}" for k in range(5)}
+    # reasons are sentences, which a list of them joins
+    dark = {f"e{k}": f"reason {k}." for k in range(5)}
     both = LightComparison((SHOWS, replace(SHOWS, kind="lamps", dark=dark)))
     html = both._repr_html_()
     assert "<b>2 lights</b>" in html

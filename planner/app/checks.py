@@ -378,11 +378,15 @@ def _check_files(values: Mapping[str, Any]) -> None:
         raise RequestError.of_rule("dimensions", rule, repr(dimensions))
     if Path(dimensions).is_file():
         _check_content("dimensions", dimensions, values)
+    cell = values.get("cell")
+    if isinstance(cell, str) and Path(cell).is_file():
+        _check_content("cell", cell, values)
 
 
 _CONTENTS = {
     "entities": "must name edges, rims or arcs, or a file of them",
     "dimensions": "must be 'all' or a file of dimensions",
+    "cell": "must be a cell file, which names a robot",
 }
 _WORDS = {"dimensions": "a file of dimensions", "camera": "a camera file", "cell": "a cell file"}
 # what any camera file has, of which a file of dimensions may use one as a name
@@ -390,7 +394,7 @@ _OF_CAMERAS = ("pixel_pitch_mm", "f_number", "focus_distance_mm")
 
 
 def _check_content(name: str, path: str, values: Mapping[str, Any]) -> None:
-    """Refuse a file of dimensions for entities, and a camera or a cell for either."""
+    """Refuse a file of another kind than is asked for, such as a camera for a cell."""
     kind = _kind_of_content(Path(path))
     if kind not in ("", name):
         hint = f"give it to --{kind}" * (kind in values)

@@ -13,6 +13,8 @@ n camera places (*eyes*), m points of edges. A contrast is that of the two sides
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -54,6 +56,8 @@ SECTORS = 12
 
 # an entity of more edges is looked at in the middle of each, others at nine points
 _FEW_EDGES = 8
+# how much of a target lies in an opening, which differs from pose to pose
+_SHARE = re.compile(r"only \d+ % of it")
 
 
 class Sight(NamedTuple):
@@ -342,7 +346,7 @@ def shown_of_plan(
 def _why_dark(
     area: AreaLight, sight: Sight, solid: Solid, pose: Array, parts: Sequence[Entity]
 ) -> str:
-    """Say why a light does not show a target: where it is, or else all that may be."""
+    """Say why a light does not show a target: where the light is, or how it falls."""
     cam2world = np.asarray(pose, dtype=np.float64)
     for part in parts:
         points = EdgePoints.of(solid, part.edge_ids).points
@@ -577,14 +581,35 @@ class AreaSpace(LitSpace):
         """
         return self._showing(points, names, observable_where(self.regions, points, names, wanted))
 
-    def _showing(self, eyes: Array, names: Sequence[str], visible: Bools) -> Bools:
+    def why_dark(self, cam2world: Array, names: Sequence[str]) -> str:
+        """Say why the light does not show entities that are visible: the most frequent reason, and how often it is.
+
+        Parameters
+        ----------
+        cam2world : array (n, 4, 4)
+            Poses from where they are visible.
+        names : sequence of str
+            The entities.
+        """
+        scene = self._looked().scene
+        edge_ids = [i for name in names for i in self.entities[name].edge_ids]
+        points = EdgePoints.of(self.solid, edge_ids).points
+        texts = (self.area.misplaced(scene, pose, points) for pose in cam2world)
+        reasons = Counter(_SHARE.sub("only a part of it", text) for text in texts)
+        ((text, n),) = reasons.most_common(1)
+        often = "" if n == len(cam2world) else f" (from {n} of {len(cam2world)} of these poses)"
+        return f"{text or f'under {self.area} it {self.area.reason}'}{often}"
+
+    def _looked(self) -> Sight:
         if self._sight is None:
             self._sight = Sight.of(self.solid, self.camera)
+        return self._sight
+
+    def _showing(self, eyes: Array, names: Sequence[str], visible: Bools) -> Bools:
+        sight = self._looked()
         for k, name in enumerate(names):
             rows = np.flatnonzero(visible[:, k])
             if len(rows):
-                shown = entity_shown(
-                    self.area, self._sight, self.entities[name].edge_ids, eyes[rows]
-                )
+                shown = entity_shown(self.area, sight, self.entities[name].edge_ids, eyes[rows])
                 visible[rows, k] = (np.transpose(shown) >= self.limits).all(axis=1)
         return visible

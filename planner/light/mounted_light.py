@@ -141,11 +141,8 @@ class _Carried:
 
     @property
     def reason(self) -> str:
-        """Why a target is not shown."""
-        return (
-            f"has too little contrast or light under the {spoken(self.kind)}, at the camera or nearby, or is not "
-            "seen through it, or the light would touch the part"
-        )
+        """Why a target is not shown where the light is not `misplaced`."""
+        return f"has too little contrast or light under the {spoken(self.kind)}, at the camera or nearby"
 
     @property
     def outline(self) -> Array:

@@ -676,14 +676,8 @@ COLUMNS = (
     *("reason", "advice", "interval_from", "interval_to", "bonus", "U_foreseen"),
     *("date", "operator"),
 )
-"""Columns of the table."""
+"""Columns of the table. Values are in the unit that `unit` states, those of pixels and shares left out."""
 
-_WITH_UNIT = frozenset(
-    (
-        *("nominal", "lower", "upper", "value", "deviation", "u", "U"),
-        *("accepted_from", "accepted_to", "interval_from", "interval_to", "bonus", "U_foreseen"),
-    )
-)
 # shares and pixels
 _NOMINAL_DECIMALS = 5
 _DECIMALS_OF = {"P_conforms": 6, "found": 3, "rms_px": 4, "overexposed": 4}
@@ -962,11 +956,6 @@ def table_of_parts(
     str
         Rows in the order of the serials; those of one part in the plan's order.
     """
-    units = " or ".join(sorted({result.unit for part in parts for result in part}))
-    heading = [
-        f"{name} ({units})" if name in _WITH_UNIT or name.startswith("u_") else name
-        for name in COLUMNS
-    ]
     rows = [_rounded_row(row) for part in parts for row in part.rows()]
     empty = dict.fromkeys(COLUMNS)
     why = {"decision": Decision.NOT_MEASURED.value}
@@ -975,7 +964,7 @@ def table_of_parts(
         for serial, reason in (not_measured or {}).items()
     ]
     rows.sort(key=lambda row: row["serial"])
-    return table_text(heading, [list(row.values()) for row in rows])
+    return table_text(COLUMNS, [list(row.values()) for row in rows])
 
 
 @dataclass(frozen=True)

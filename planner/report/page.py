@@ -62,6 +62,7 @@ from planner.report.tables import (
 )
 from planner.report.wording import (
     MORE_TIME,
+    assumed_edges_text,
     bound_sentence,
     calibration_rows,
     dark_note,
@@ -902,6 +903,8 @@ def _request(plan: InspectionPlan) -> dict[str, Any]:
     rough = any(dimension.surfaces_mm for dimension in dimensions)
     words = words_of(plan.targets)
     return {
+        "assumed": assumed_edges_text(plan),
+        "response": plan.camera.response,
         "accuracy": words.accuracy.format(share=percent_text(1 - plan.accuracy)),
         "localisation": [*models, *words.localisation],
         "surfaces": surfaces_sources(dimensions) if rough else [],

@@ -255,10 +255,19 @@ def assumed_edges_text(plan: InspectionPlan) -> str:
         worst = rows[0]
         foreseen = digits_text(worst.expanded_uncertainty, 2)
         amount = amount_text(foreseen, plan.dimensions[worst.name].unit)
-        return f"{assumed}: its U of {worst.name} will be about {amount}"
+        return f"{assumed}: its U of {worst.name} will be about {amount}{_unknown_response(plan)}"
     if edges_text(plan) or plan.request.edge_break_mm is not None or not _measures_lengths(plan):
         return ""
     return f"{assumed}, so its U of lengths will be larger"
+
+
+def _unknown_response(plan: InspectionPlan) -> str:
+    """Say what a foreseen U leaves out, where nothing states how grey values follow from light."""
+    return (
+        ""
+        if plan.camera.response is not None
+        else ", more if images must show the camera's response"
+    )
 
 
 def _measures_lengths(plan: InspectionPlan) -> bool:
@@ -322,8 +331,8 @@ def _foreseen_text(plan: InspectionPlan) -> str:
     unseen = amount_text(digits_text(worst.unseen_uncertainty, 2), unit)
     text = (
         f"'measure' assumes breaks of up to {EdgeState().high_mm:g} mm where none is stated: its U of {worst.name} "
-        f"will be about {foreseen}. Images may not show breaks of up to {digits_text(worst.limit_mm, 2)} mm: with "
-        f"them, this U is about {unseen}"
+        f"will be about {foreseen}{_unknown_response(plan)}. Images may not show breaks of up to "
+        f"{digits_text(worst.limit_mm, 2)} mm: with them, this U is about {unseen}"
     )
     undecided = sum(row.is_open for row in rows)
     if undecided:

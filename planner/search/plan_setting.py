@@ -267,6 +267,10 @@ def explain_infeasible(
     return _nearest_misses(margins, constraints)
 
 
+# poses that see an entity, from which it is asked why a light does not show it
+_FEW_SEEING = 24
+
+
 def _dark_reason(
     constraints: Constraints, encoding: PoseEncoding, tried: np.ndarray, entity: str
 ) -> str:
@@ -280,11 +284,19 @@ def _dark_reason(
     unlit = (
         TargetSpace(lit.regions, space.entities) if isinstance(space, TargetSpace) else lit.regions
     )
-    eyes = encoding.poses(tried)[:, :3, 3]
-    if not unlit.observable(eyes, names).all(axis=1).any():
+    poses = encoding.poses(tried)
+    see = np.flatnonzero(unlit.observable(poses[:, :3, 3], names).all(axis=1))
+    if not see.size:
         return ""
     # without a name, as the reason of many is said once
-    return f"poses see it, but under {area} it {area.reason}."
+    seen = [entity for name in names for entity in _entities_of(space, name)]
+    return f"poses see it, but {lit.why_dark(poses[see[:_FEW_SEEING]], seen)}."
+
+
+def _entities_of(space: Any, name: str) -> tuple[str, ...]:
+    """Return the entities that a target is measured on, the first ones of those that do."""
+    witnesses = getattr(space.entities[name], "witnesses", None)
+    return (name,) if witnesses is None else tuple(witnesses[0])
 
 
 def _best_margin(

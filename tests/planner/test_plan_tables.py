@@ -64,13 +64,14 @@ def test_csv_has_units_and_the_digits_that_are_known(tmp_path):
     assert (tmp_path / "rows.csv").read_bytes().decode() == text
     (row,) = csv.DictReader(io.StringIO(text))
     assert row["name"] == name
-    assert row["nominal (mm)"] == "0.333333333"
+    assert row["nominal"] == "0.333333333"
     assert row["simulated"] == row["reason"] == ""
+    assert row["unit"] == "mm"
     assert row["x (mm)"] == "40.0"
     exact = found.rows()[0]
     assert exact["nominal"] == 1 / 3
     u = exact["standard_uncertainty"]
-    assert float(row["standard_uncertainty (mm)"]) == pytest.approx(u, rel=5e-3)
+    assert float(row["standard_uncertainty"]) == pytest.approx(u, rel=5e-3)
     assert not re.search(r"\d{10}", text)
 
 
@@ -84,6 +85,7 @@ def test_no_spreadsheet_runs_a_name(name):
     (row,) = csv.DictReader(io.StringIO(found.to_csv(), newline=""))
     assert row["name"] == "'" + name
     # numbers are no text
+    assert row["unit"] == "mm"
     assert row["x (mm)"] == "-40.0"
     assert found.rows()[0]["name"] == name
 
@@ -134,7 +136,9 @@ def test_notebooks_show_each_dimension_with_its_tolerance_u_and_p():
         u = digits_text(2 * row["standard_uncertainty"], 2)
         texts = [probability_text(row[key], found.probability) for key in ("p_all", "probability")]
         stated = [html_of(text) for text in texts]
-        assert cells[name][2:] == [f"{u} mm", *stated]
+        # nothing is foreseen in this plan, and nobody states its edges
+        assert cells[name][2:] == [f"{u} mm *", *stated]
+    assert "* as planned, with sharp edges" in found._repr_html_()
     assert cells["slot_width"][1] == "distance 50 mm ±0.3"
 
 
@@ -147,7 +151,11 @@ def test_notebooks_show_the_u_that_measure_will_state():
     (setting,) = [k for k, made in enumerate(found.settings) if "bore_25" in made.entities]
     stated = Foreseen("bore_25", setting, 0.1875, 0.25, 0.5, True)
     html = replace(found, foreseen=(stated,))._repr_html_()
-    assert [row[2] for row in cells_of(html) if row[:1] == ["bore_25"]] == ["0.19 mm"]
+    amounts = {row[0]: row[2] for row in cells_of(html) if row and row[0] in found.targets}
+    assert amounts["bore_25"] == "0.19 mm"
+    assert all(text.endswith(" mm *") for name, text in amounts.items() if name != "bore_25")
+    stated = replace(found, request=replace(found.request, edge_break_mm=(0.0, 0.0)))
+    assert " mm *" not in stated._repr_html_()
 
 
 def test_notebooks_show_the_first_targets_of_a_long_plan():

@@ -1057,6 +1057,15 @@ BAD_BAD_INPUTS = {
         ["plan", BLOCK_BAD_INPUTS, "--dimensions", "cell.toml", *CAMERA_BAD_INPUTS],
         "--dimensions must be 'all' or a file of dimensions. Got 'cell.toml', a cell file; give it to --cell.",
     ),
+    "a camera for a cell": (
+        ["plan", BLOCK_BAD_INPUTS, "--all", "--cell", "whole_camera.toml", *CAMERA_BAD_INPUTS],
+        "--cell must be a cell file, which names a robot. Got 'whole_camera.toml', a camera file; give it to --camera.",
+    ),
+    "dimensions for a cell": (
+        ["plan", BLOCK_BAD_INPUTS, "--all", "--cell", "table.toml", *CAMERA_BAD_INPUTS],
+        "--cell must be a cell file, which names a robot. Got 'table.toml', a file of dimensions; give it to "
+        "--dimensions.",
+    ),
     "dimensions for a camera": (
         ["plan", BLOCK_BAD_INPUTS, "--all", "--camera", "table.toml", "--out", "out"],
         "--camera must be a TOML file, or a name that 'aspectgraph cameras' lists. Got 'table.toml', a file of "

@@ -311,7 +311,11 @@ def test_a_file_of_dimensions(tmp_path, capsys, monkeypatch):
     (row,) = plan.foreseen
     assert row.name == "step"
     shown = digits_text(row.expanded_uncertainty, 2)
-    assert f"its U of step will be about {shown} mm" in text
+    # the camera file states no response, which images must show then
+    assert (
+        f"its U of step will be about {shown} mm, more if images must show the camera's response"
+        in text
+    )
     assert plan.dimensions["step"].nominal == pytest.approx(10.0)
     step = plan.dimensions["step"]
     assert step.localisation == Localisation("gaussian", 0.1, floor_px=0.05)

@@ -1,6 +1,7 @@
 """Lights that the camera carries: what edges show, against closed forms, and plans with them."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -177,6 +178,24 @@ def test_a_light_on_the_wrong_side_is_named_in_the_reason(light, reason):
     points = EdgePoints.of(part, rim_ids(part, 10.0)).points
     said = light.misplaced(sight.scene, pose, points)
     assert said.startswith(reason) if reason else said == ""
+
+
+def test_the_most_frequent_reason_in_the_dark_is_named_alone():
+    """At 300 mm above the bore the dome is in the part, at 400 mm it is not."""
+    part = bore(10.0, 10.0)
+    near, far = (above(height, part, 4e-4)[0] for height in (300.0, 400.0))
+    rim = SimpleNamespace(edge_ids=rim_ids(part, 10.0))
+    regions = SimpleNamespace(solid=part, entities={"rim": rim})
+    space = AreaSpace(regions, CAMERA, DiffuseDome(200.0, 60.0, 310.0), (0.1, 0.1))
+    touches = "the diffuse dome would touch the part"
+    assert space.why_dark(np.stack([near, near]), ["rim"]) == touches
+    often = f"{touches} (from 2 of 3 of these poses)"
+    assert space.why_dark(np.stack([near, far, near]), ["rim"]) == often
+    text = space.why_dark(far[None], ["rim"])
+    assert text.endswith(
+        "has too little contrast or light under the diffuse dome, at the camera or nearby"
+    )
+    assert "touch" not in text
 
 
 ABOVE = plan(
