@@ -216,6 +216,47 @@ def check_keywords(call: str, given: Iterable[str], known: Sequence[str]) -> Non
         raise TypeError(f"{call}() has no argument {name!r}{hint}")
 
 
+def show_keywords(
+    function: Callable[..., Any], keywords: type, defaults: Mapping[str, Any]
+) -> None:
+    """Let help and completion list the keywords that a call takes together; type checkers read its annotation.
+
+    Parameters
+    ----------
+    function : callable
+        The call, with ``**`` for these keywords.
+    keywords : TypedDict
+        What they are.
+    defaults : mapping of str to value
+        Their defaults; others are None.
+    """
+    signature = inspect.signature(function)
+    shown = [item for item in signature.parameters.values() if item.kind is not item.VAR_KEYWORD]
+    for name, kind in keywords.__annotations__.items():
+        text = getattr(kind, "__forward_arg__", kind)
+        default = defaults.get(name)
+        shown.append(
+            inspect.Parameter(
+                name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=text
+            )
+        )
+    function.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
+
+
+def suggests_names(
+    function: Callable[_Parameters, _Result],
+) -> Callable[_Parameters, _Result]:
+    """Return a call that refuses a keyword which it does not have, and names the one that may be meant."""
+    parameters = [name for name in inspect.signature(function).parameters if name != "self"]
+
+    @wraps(function)
+    def checked(*args: _Parameters.args, **keywords: _Parameters.kwargs) -> _Result:
+        check_keywords(function.__name__, keywords, parameters)
+        return function(*args, **keywords)
+
+    return checked
+
+
 def names_meant(kind: type[_Result]) -> type[_Result]:
     """Return a class that refuses a keyword which it does not have, and names the one that may be meant."""
     original = kind.__init__

@@ -33,6 +33,7 @@ from planner.argument_kinds import (
     check_keywords,
     check_kinds,
     kind_of_model,
+    show_keywords,
     shown,
     with_article,
 )
@@ -182,6 +183,13 @@ def plan_inspection(
         completed=completed,
         lamps_until=deadline.at(LAMPS_SHARE),
     )
+
+
+show_keywords(
+    plan_inspection,
+    InspectionKeywords,
+    {item.name: item.default for item in fields(InspectionOptions)},
+)
 
 
 @with_one_thread

@@ -13,7 +13,7 @@ import numpy as np
 from aspectgraph.light import DEFAULT_CONTRAST
 from ground.convert import Meta
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
-from planner.argument_kinds import check_kinds
+from planner.argument_kinds import check_kinds, suggests_names
 from planner.exceptions import RequestError
 from planner.light.area_lights import AREA_LIGHTS, area_of_word
 from planner.light.corner_light import DEFAULT_STEP
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 _LAMP_DEFAULTS = (DEFAULT_CONTRAST, DEFAULT_STEP, "dark", 0.0)
 
 
+@suggests_names
 def plan_light(
     plan: InspectionPlan,
     solid: Solid,
@@ -248,6 +249,7 @@ class LightComparison(tuple[LightShows, ...], ShownInNotebook):
 _SHOWN_REASONS = 3
 
 
+@suggests_names
 def compare_lights(
     plan: InspectionPlan,
     solid: Solid,

@@ -22,6 +22,7 @@ from planner.argument_kinds import (
     check_kinds,
     check_list,
     kind_shown,
+    suggests_names,
 )
 from planner.camera.camera import Camera, camera_parts, check_bodies
 from planner.camera.pose import (
@@ -179,6 +180,7 @@ class PosePrediction:
         return f"P_all is {self.p_all:.4f}, below the required {required:g}"
 
 
+@suggests_names
 def predict(
     solid: Solid,
     wanted: Mapping[str, Any],
@@ -745,6 +747,7 @@ _STAND_IN = Camera(25.0, (0.005, 0.005), (2000, 2000), 8.0, 400.0)
 _OF_IMAGE = ("resolution_mm", "focus_mm", "field_of_view_px")
 
 
+@suggests_names
 def propose_optics(
     solid: Solid,
     wanted: Mapping[str, Any],

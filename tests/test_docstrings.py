@@ -155,7 +155,11 @@ def test_every_kind_of_name_is_checked():
 
 
 @pytest.mark.parametrize("name", THINGS)
-def test_complete(name):
+def test_complete(name, monkeypatch):
+    function = getattr(THINGS[name], "__func__", THINGS[name])
+    if inspect.isfunction(function) and function.__code__.co_flags & inspect.CO_VARKEYWORDS:
+        # documented as it is written: completion lists one by one what the stars stand for
+        monkeypatch.delattr(function, "__signature__", raising=False)
     found = [(code, text) for code, text in validate(name)["errors"] if code in CHECKS]
     thing = THINGS[name]
     if inspect.isclass(thing) and (issubclass(thing, Enum) or not undocumented(thing)):

@@ -5,6 +5,8 @@ from dataclasses import MISSING, fields, replace
 from types import SimpleNamespace
 
 import pytest
+from IPython.core.completer import provisionalcompleter
+from IPython.core.interactiveshell import InteractiveShell
 
 import errors
 import ga
@@ -46,6 +48,23 @@ def test_an_unknown_keyword_is_refused_by_name(call, _):
         call(**dict.fromkeys(needed), colour="red")
 
 
+@pytest.mark.parametrize(
+    ("call", "wrong", "right"),
+    [
+        (planner.measure, "coverge", "coverage"),
+        (planner.Measurer.measure, "operater", "operator"),
+        (planner.plan_light, "contrasts", "contrast"),
+        (planner.compare_lights, "materiel", "material"),
+        (planner.plan_folder, "executer", "executor"),
+    ],
+)
+def test_a_misspelt_keyword_is_answered_with_the_right_one(call, wrong, right):
+    assert right in inspect.signature(call).parameters
+    message = rf"{call.__name__}\(\) has no argument '{wrong}'; did you mean '{right}'\?"
+    with pytest.raises(TypeError, match=message):
+        call(**{wrong: 1})
+
+
 def test_the_options_of_a_plan_are_one_value_with_defaults():
     (options,) = list(inspect.signature(planner.plan_inspection).parameters.values())[4:5]
     assert (options.name, options.default) == ("options", None)
@@ -54,8 +73,8 @@ def test_the_options_of_a_plan_are_one_value_with_defaults():
 
 def test_type_checkers_know_the_keywords_of_a_plan():
     """They read the annotation; names and types are those of the record."""
-    keywords = inspect.signature(planner.plan_inspection).parameters["keywords"]
-    assert keywords.annotation == f"Unpack[{InspectionKeywords.__name__}]"
+    keywords = planner.plan_inspection.__annotations__["keywords"]
+    assert keywords == f"Unpack[{InspectionKeywords.__name__}]"
     # a dataclass keeps its annotations as texts, a TypedDict wraps them
     texts = {field.name: field.type for field in fields(planner.InspectionOptions)}
     stated = InspectionKeywords.__annotations__
@@ -70,17 +89,44 @@ def test_type_checkers_know_the_keywords_of_a_plan():
 def test_type_checkers_know_the_keywords_of_a_dimension(name, kind):
     """Every keyword that they know is a field of a dimension, and no other is taken."""
     call = getattr(planner.Dimension, name)
-    keywords = inspect.signature(call).parameters["requirement"]
-    assert keywords.annotation == f"Unpack[{kind.__name__}]"
+    assert call.__func__.__annotations__["requirement"] == f"Unpack[{kind.__name__}]"
     known = {field.name for field in fields(planner.Dimension)}
     units = {f"{word}_{unit}" for word in ("tolerance", "max_error") for unit in ("mm", "deg")}
     assert set(kind.__annotations__) <= known | units
     needed = [n for n, p in inspect.signature(call).parameters.items() if p.default is p.empty]
-    values = dict.fromkeys([n for n in needed if n != "requirement"], 1)
+    values = dict.fromkeys(needed, 1)
     with pytest.raises(planner.RequestError, match="must be one of") as refused:
         call(**{**values, **ENTITIES.get(name, {})}, colour="red")
     words = str(refused.value).partition("one of ")[2].partition(". Got")[0]
     assert set(words.split(", ")) == set(kind.__annotations__)
+
+
+@pytest.mark.parametrize(
+    ("begun", "keywords"),
+    [
+        ("plan_inspection(solid, {}, acc", {"accuracy="}),
+        ("planner.plan_inspection(time", {"time_limit_s="}),
+        ("Dimension.diameter('r1', tol", {"tolerance=", "tolerance_mm=", "tolerance_class="}),
+        ("Dimension.angle(1, 2, tol", {"tolerance_deg=", "tolerance_class="}),
+        ("measure(plan, solid, 'images', cov", {"coverage="}),
+    ],
+)
+def test_a_notebook_completes_keywords(begun, keywords):
+    """As the kernel of Jupyter does: by the completer of IPython, which works in one of its shells."""
+    shell = InteractiveShell.instance()
+    shell.run_cell("import planner\nfrom planner import Dimension, measure, plan_inspection")
+    with provisionalcompleter():
+        offered = list(shell.Completer.completions(begun, len(begun)))
+    # besides commands of the shell itself
+    assert {item.text for item in offered if item.text.endswith("=")} == keywords
+
+
+def test_help_lists_keywords_with_their_defaults():
+    shown = inspect.signature(planner.plan_inspection).parameters
+    for item in fields(planner.InspectionOptions):
+        assert shown[item.name].default == item.default
+        assert shown[item.name].kind is inspect.Parameter.KEYWORD_ONLY
+    assert inspect.signature(planner.Dimension.angle).parameters["tolerance_deg"].default is None
 
 
 def test_every_option_of_a_plan_reaches_it(monkeypatch):

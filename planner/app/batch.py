@@ -45,6 +45,7 @@ from planner.argument_kinds import (
     check_kinds,
     check_number,
     check_path,
+    suggests_names,
 )
 from planner.callbacks import (
     FORESEEN_SHARE,
@@ -977,6 +978,7 @@ def worker_processes(jobs: int) -> Iterator[ProcessPoolExecutor]:
 _TABLE_S = 10.0
 
 
+@suggests_names
 def plan_folder(
     folder: str | os.PathLike[str],
     out: str | os.PathLike[str],

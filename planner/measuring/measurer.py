@@ -18,7 +18,7 @@ from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
 from errors.measurands.split import End, can_be_split, end_groups
 from ground.blas import with_one_thread
 from ground.faces import program_name
-from planner.argument_kinds import check_kinds
+from planner.argument_kinds import check_kinds, suggests_names
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty, world_to_cam
 from planner.exceptions import RequestError
@@ -232,6 +232,7 @@ class Measurer:
         self.ends = self._ends_of_others()
 
     @with_one_thread
+    @suggests_names
     def measure(
         self,
         images: str | os.PathLike[str] | Mapping[Any, Any],
@@ -1040,6 +1041,7 @@ def _pictures(images: ImageSet, camera: Camera, progress: Progress | None) -> di
     return pictures
 
 
+@suggests_names
 def measure(
     plan: InspectionPlan,
     solid: Solid,

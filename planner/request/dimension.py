@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict, Unpack
 
@@ -21,6 +21,7 @@ from planner.argument_kinds import (
     check_number,
     kind_shown,
     names_meant,
+    show_keywords,
     shown,
     with_article,
 )
@@ -902,6 +903,22 @@ class Dimension:
                 f"Got {error:.6g}."
             )
         return error
+
+
+def _show_requirements() -> None:
+    """Let completion list what the constructors of a dimension take, with the defaults of its fields."""
+    defaults = {item.name: item.default for item in fields(Dimension)}
+    kinds: dict[Any, type] = {
+        f"Unpack[{kind.__name__}]": kind for kind in (RequirementInMm, RequirementInDeg)
+    }
+    for maker in vars(Dimension).values():
+        function = getattr(maker, "__func__", maker)
+        kind = kinds.get(getattr(function, "__annotations__", {}).get("requirement"))
+        if kind is not None:
+            show_keywords(function, kind, defaults)
+
+
+_show_requirements()
 
 
 def _check_entities(name: str, entities: object) -> None:
