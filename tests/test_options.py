@@ -1,13 +1,16 @@
 """Public calls with many options take them by keyword, each shown with its default, and no other."""
 
 import inspect
+import sys
 from dataclasses import MISSING, fields, replace
 from types import SimpleNamespace
+from typing import Literal, get_args, get_origin
 
 import pytest
 from IPython.core.completer import provisionalcompleter
 from IPython.core.interactiveshell import InteractiveShell
 
+import aspectgraph
 import errors
 import ga
 import planner
@@ -99,6 +102,42 @@ def test_type_checkers_know_the_keywords_of_a_dimension(name, kind):
         call(**{**values, **ENTITIES.get(name, {})}, colour="red")
     words = str(refused.value).partition("one of ")[2].partition(". Got")[0]
     assert set(words.split(", ")) == set(kind.__annotations__)
+
+
+@pytest.mark.parametrize(
+    ("call", "name", "words"),
+    [
+        (planner.plan_light, "ground", {"dark", "bright"}),
+        (planner.Lighting, "ground", {"dark", "bright"}),
+        (planner.InspectionOptions, "split", {"auto", "never"}),
+        (planner.Requirements, "field_of_view", {"exact", "cone"}),
+        (planner.plan_setting, "field_of_view", {"exact", "cone"}),
+        (planner.plan_setting, "objective", {"sum", "min"}),
+        (planner.plan_setting, "model", {"joint", "independent", "montecarlo"}),
+        (planner.Search, "selection", {"roulette", "sus"}),
+        (planner.Search, "scaling", {"proportional", "window", "rank"}),
+        (planner.Search, "sampling", {"covering", "workspace"}),
+        (planner.Effort.named, "name", {"quick", "standard", "thorough"}),
+        (planner.program_text, "format", {"urscript", "rapid", "krl", "fanuc", "ros", "csv", "json"}),
+        (planner.write_program, "format", {"urscript", "rapid", "krl", "fanuc", "ros", "csv", "json"}),
+        (aspectgraph.plot_section, "axis", {"x", "y", "z"}),
+        (errors.success_probability, "model", {"joint", "independent", "montecarlo"}),
+        (errors.SuccessModel, "model", {"joint", "independent", "montecarlo"}),
+        (errors.simulate_success, "quantization", {"uniform", "grid", "none"}),
+        (errors.measure_lengths, "detector", {"axes", "area"}),
+        (errors.simulate_measurement, "detector", {"axes", "area"}),
+        (ga.maximize, "selection", {"roulette", "sus"}),
+        (ga.maximize, "scaling", {"proportional", "window", "rank"}),
+    ],
+)  # fmt: skip
+def test_type_checkers_know_the_words_of_an_argument(call, name, words):
+    # help shows those of records in words of its own
+    stated = getattr(call, "__func__", call)
+    text = stated.__annotations__.get(name) or stated.__init__.__annotations__[name]
+    kind = eval(text, vars(sys.modules[call.__module__]))
+    # one of them may be left out
+    choices = next((arg for arg in (kind, *get_args(kind)) if get_origin(arg) is Literal), None)
+    assert set(get_args(choices)) == words
 
 
 @pytest.mark.parametrize(
