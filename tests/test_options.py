@@ -46,7 +46,13 @@ def test_every_keyword_is_shown_and_none_is_taken_unseen(call, n):
 @pytest.mark.parametrize(("call", "_"), CALLS)
 def test_an_unknown_keyword_is_refused_by_name(call, _):
     needed = [n for n, p in inspect.signature(call).parameters.items() if p.default is p.empty]
-    message = rf"{call.__name__}\(\) got an unexpected keyword argument 'colour'"
+    # those of the planner look for the one that may be meant, and here there is none
+    words = (
+        "has no argument"
+        if call.__module__.startswith("planner")
+        else "got an unexpected keyword argument"
+    )
+    message = rf"{call.__name__}\(\) {words} 'colour'"
     with pytest.raises(TypeError, match=message):
         call(**dict.fromkeys(needed), colour="red")
 
@@ -66,6 +72,30 @@ def test_a_misspelt_keyword_is_answered_with_the_right_one(call, wrong, right):
     message = rf"{call.__name__}\(\) has no argument '{wrong}'; did you mean '{right}'\?"
     with pytest.raises(TypeError, match=message):
         call(**{wrong: 1})
+
+
+# that of `plan_inspection` looks at the arguments first, and has a test of its own
+FUNCTIONS = {
+    name: getattr(planner, name)
+    for name in dir(planner)
+    if inspect.isfunction(getattr(planner, name)) and name[0] != "_" and name != "plan_inspection"
+}
+
+
+@pytest.mark.parametrize("name", sorted(FUNCTIONS))
+def test_every_function_with_options_names_the_one_that_is_meant(name):
+    """The last one is misspelt: a letter is missing."""
+    call = FUNCTIONS[name]
+    parameters = list(inspect.signature(call).parameters.values())
+    options = [item.name for item in parameters if item.default is not item.empty]
+    if not options:
+        pytest.skip("it has none")
+    wrong = options[-1][:-1]
+    # all that is needed is there, so that Python does not miss that first
+    needed = {item.name: None for item in parameters if item.default is item.empty}
+    with pytest.raises(TypeError) as refused:
+        call(**needed, **{wrong: 1})
+    assert f"did you mean '{options[-1]}'" in str(refused.value)
 
 
 def test_the_options_of_a_plan_are_one_value_with_defaults():

@@ -21,7 +21,7 @@ from typing import Any, Literal
 import numpy as np
 
 from aspectgraph.entities.entity_rules import NumberText, table_text
-from planner.argument_kinds import check_kinds, shown
+from planner.argument_kinds import check_kinds, shown, suggests_names
 from planner.exceptions import RequestError
 from planner.files import write_text
 from planner.robotprogram.fanuc_text import FANUC_NAME, MOST_FANUC_LETTERS, fanuc_text
@@ -768,6 +768,7 @@ def format_of_file(path: Path, format: Format | None, parameter: str) -> Format:
     return language
 
 
+@suggests_names
 def program_text(
     program: RobotProgram,
     format: Format,
@@ -820,6 +821,7 @@ def program_text(
     return _WRITERS[format](program, chosen, date.today() if made is None else made)
 
 
+@suggests_names
 def write_program(
     program: RobotProgram,
     path: str | os.PathLike[str],

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from errors.model import Model
 from ga import GAResult, maximize
 from ga.exceptions import InfeasiblePopulationError
-from planner.argument_kinds import ITEMS, check_kinds, check_space
+from planner.argument_kinds import ITEMS, check_kinds, check_space, suggests_names
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import NOT_ASKED, Detectability
@@ -623,6 +623,7 @@ def _enough(objective: Objective) -> float:
     return objective.highest * (1.0 - _PERFECT)
 
 
+@suggests_names
 def plan_setting(
     space: Space,
     names: Sequence[str],
