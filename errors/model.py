@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -493,7 +494,8 @@ def _quadratic_loop(gradient, hessian, root, noise, limits, out):
 # The one call: probability that an edge is measured within the required accuracy.
 
 
-MODELS = ("joint", "independent", "montecarlo")
+Model = Literal["joint", "independent", "montecarlo"]
+MODELS = get_args(Model)
 
 # Edges handled at a time: bounds the memory of whatever a model needs per edge.
 _CHUNK = {"joint": 1 << 16, "independent": 1 << 9}
@@ -506,7 +508,7 @@ def success_probability(
     pixel_pitch_mm: ArrayLike,
     pose_covariance: ArrayLike,
     accuracy: float,
-    model: str = "joint",
+    model: Model = "joint",
     samples: int = 100_000,
     rng: int | np.random.Generator = 0,
 ) -> NDArray[np.float64] | np.float64:
@@ -671,7 +673,7 @@ class SuccessModel:
         pixel_pitch_mm: ArrayLike,
         pose_covariance: ArrayLike,
         accuracy: float,
-        model: str = "joint",
+        model: Model = "joint",
     ) -> None:
         if model not in MODELS:
             raise InvalidParameterError.of_rule("model", f"must be one of {MODELS}", repr(model))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,7 +43,8 @@ from ground.decorators import njit
 
 # Draws held in memory at a time.
 _CHUNK = 1 << 16
-QUANTIZATIONS = ("uniform", "grid", "none")
+Quantization = Literal["uniform", "grid", "none"]
+QUANTIZATIONS = get_args(Quantization)
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,7 +87,7 @@ def simulate_success(
     samples: int = 100_000,
     rng: int | np.random.Generator = 0,
     confidence: float = 0.95,
-    quantization: str = "uniform",
+    quantization: Quantization = "uniform",
 ) -> MonteCarloEstimate:
     """Estimate P(|L' - L| <= (1 - A) L) by drawing displaced poses.
 
@@ -307,14 +309,19 @@ def _image_length(ends, f, delta, image):
 # of four pixels.
 
 
-DETECTORS = ("axes", "area")
+Detector = Literal["axes", "area"]
+DETECTORS = get_args(Detector)
 
 # Columns looked at on each side of an end; the chain's last pixel is within two of it.
 _SEARCH = 4
 
 
 def measure_lengths(
-    segments: ArrayLike, *, pixel_pitch_mm: ArrayLike, detector: str = "axes", band_px: float = 3.0
+    segments: ArrayLike,
+    *,
+    pixel_pitch_mm: ArrayLike,
+    detector: Detector = "axes",
+    band_px: float = 3.0,
 ) -> NDArray[np.float64]:
     """Return the lengths a detector reads off the pixel images of straight segments.
 
@@ -557,7 +564,7 @@ def simulate_measurement(
     samples: int = 10_000,
     rng: int | np.random.Generator = 0,
     confidence: float = 0.95,
-    detector: str = "axes",
+    detector: Detector = "axes",
     band_px: float = 3.0,
 ) -> MonteCarloEstimate:
     """Measure one edge in synthetic images from displaced poses and return how often the length is accurate.

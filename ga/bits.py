@@ -4,11 +4,13 @@ import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
 
 from ga.exceptions import FitnessError, InfeasiblePopulationError, ParameterError
+
+_Choice = TypeVar("_Choice", bound=str)
 
 # Whole populations: telling rows apart, evaluating what is new, drawing the first one.
 
@@ -62,12 +64,13 @@ def check_finite(name: str, value: Any) -> float:
     return float(value)
 
 
-def check_choice(name: str, value: Any, choices: Collection[str]) -> str:
+def check_choice(name: str, value: Any, choices: Collection[_Choice]) -> _Choice:
     """Return `value` if it is one of `choices`."""
     if not isinstance(value, str) or value not in choices:
         names = ", ".join(repr(choice) for choice in choices)
         raise ParameterError.of_rule(name, f"must be one of {names}", repr(value))
-    return value
+    # it is one of them, which are texts
+    return cast("_Choice", value)
 
 
 def check_flag(name: str, value: Any) -> bool:
@@ -799,12 +802,14 @@ def stochastic_universal(weights: np.ndarray, n: int, rng: np.random.Generator) 
     return rng.permutation(spin(weights, positions))
 
 
-SCALINGS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+Scaling = Literal["proportional", "window", "rank"]
+Selection = Literal["roulette", "sus"]
+SCALINGS: dict[Scaling, Callable[[np.ndarray], np.ndarray]] = {
     "proportional": proportional_weights,
     "window": window_weights,
     "rank": rank_weights,
 }
-SELECTIONS: dict[str, Callable[[np.ndarray, int, np.random.Generator], np.ndarray]] = {
+SELECTIONS: dict[Selection, Callable[[np.ndarray, int, np.random.Generator], np.ndarray]] = {
     "roulette": roulette,
     "sus": stochastic_universal,
 }

@@ -13,6 +13,7 @@ from scipy.sparse import csr_matrix
 
 from ground.decorators import entry_kernel
 from ground.short_repr import short_repr
+from planner.argument_kinds import suggests_names
 from planner.exceptions import CoverError
 from planner.executors import THREADS
 
@@ -50,6 +51,7 @@ class Cover:
         return len(self.chosen) == self.lower_bound
 
 
+@suggests_names
 def min_cover(
     membership: np.ndarray,
     preference: np.ndarray | None = None,

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from numbers import Real
-from typing import Any
+from typing import Any, Literal
 
+from ga.bits import Scaling, Selection
 from ground.short_repr import short_repr
 from planner.argument_kinds import NOT_NEGATIVE, check_count, check_number, names_meant
 from planner.exceptions import RequestError
 
+Preset = Literal["quick", "standard", "thorough"]
 _STARTS = ("refine_starts", "spread_starts", "turned_starts")
 # fields of `Search` that `ga.maximize` does not take
 _NOT_OF_GA = ("gene_bits", "gray_code", "max_draws", "stop_at_perfect", "explain", "sampling")
@@ -92,8 +94,8 @@ class Search:
     crossover: float = 0.9
     mutation: float = 0.1
     elitism: int = 2
-    selection: str = "roulette"
-    scaling: str = "window"
+    selection: Selection = "roulette"
+    scaling: Scaling = "window"
     attempts: int = 6
     epsilon: float = 1e-3
     patience: int = 5
@@ -108,7 +110,7 @@ class Search:
     max_draws: int = 8192
     stop_at_perfect: bool = True
     explain: bool = True
-    sampling: str = "covering"
+    sampling: Literal["covering", "workspace"] = "covering"
 
     __repr__ = short_repr
 
@@ -259,7 +261,7 @@ class Effort:
     __repr__ = short_repr
 
     @classmethod
-    def named(cls, name: str) -> Effort:
+    def named(cls, name: Preset) -> Effort:
         """Return a preset.
 
         Parameters
@@ -374,4 +376,4 @@ THOROUGH = Effort(
     cover_nodes=4000,
     witnesses=12,
 )
-_PRESETS = {"quick": QUICK, "standard": NORMAL, "thorough": THOROUGH}
+_PRESETS: dict[Preset, Effort] = {"quick": QUICK, "standard": NORMAL, "thorough": THOROUGH}

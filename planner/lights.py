@@ -17,7 +17,7 @@ from planner.argument_kinds import check_kinds, suggests_names
 from planner.exceptions import RequestError
 from planner.light.area_lights import AREA_LIGHTS, area_of_word
 from planner.light.corner_light import DEFAULT_STEP
-from planner.light.lighting import LampDome, Lighting
+from planner.light.lighting import Ground, LampDome, Lighting
 from planner.light.plan_light import chosen_lamps
 from planner.light.reflection import Material
 from planner.measuring.lit_edges import reads_of
@@ -42,7 +42,7 @@ def plan_light(
     *,
     contrast: float = DEFAULT_CONTRAST,
     step: float = DEFAULT_STEP,
-    ground: str = "dark",
+    ground: Ground = "dark",
     tolerance_mm: float = 0.0,
     progress: Progress | None = None,
 ) -> LightPlan:

@@ -369,6 +369,7 @@ def _or_zero(value: float) -> float:
     return 0.0 if math.isnan(value) else value
 
 
+@suggests_names
 def predict_poses(
     solid: Solid,
     wanted: Mapping[str, Any],
@@ -634,6 +635,7 @@ class OpticsProposal:
         }
 
 
+@suggests_names
 def optics_table(proposals: Sequence[OpticsProposal], most: int = 10) -> str:
     """Return proposals as a table of plain text.
 

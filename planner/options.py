@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -193,7 +193,7 @@ class InspectionOptions(RunOptions):
     surfaces_mm: float | None = None
     registration: Any = None
     edge_break_mm: tuple[float, float] | None = None
-    split: str = "auto"
+    split: Literal["auto", "never"] = "auto"
     poses: Any = None
     gap: float = 0.0
 
@@ -349,7 +349,7 @@ class InspectionKeywords(TypedDict, total=False):
     surfaces_mm: float | None
     registration: Any
     edge_break_mm: tuple[float, float] | None
-    split: str
+    split: Literal["auto", "never"]
     poses: Any
     gap: float
 

@@ -36,7 +36,7 @@ from scipy.spatial.transform import Rotation
 from aspectgraph.files import read_text
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook
 from ground.short_repr import short_repr
-from planner.argument_kinds import shown
+from planner.argument_kinds import shown, suggests_names
 from planner.camera.calibration_files import plain, plain_value, tree_of
 from planner.camera.pose import GivenPose
 from planner.exceptions import CameraError, PoseFileError
@@ -105,6 +105,7 @@ class PoseFile(ShownInNotebook):
         return NotebookView(count(len(self.poses), "pose"), lines, table)
 
 
+@suggests_names
 def read_poses(
     path: str | os.PathLike[str], *, units: str | None = None, cell: Cell | None = None
 ) -> PoseFile:

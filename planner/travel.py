@@ -19,6 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ground.decorators import njit
+from planner.argument_kinds import suggests_names
 from planner.exceptions import RequestError
 
 RADIAN_MM = 200.0
@@ -70,6 +71,7 @@ def pose_distances(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> np.n
     return np.minimum(distances, distances.T)
 
 
+@suggests_names
 def travel_order(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> tuple[int, ...]:
     """Order poses so that the robot's travel is short.
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from browser import Browser, needs_browser
 from measured_plate import POSES, dimensions_of, fine_plate, measured_plan, photograph, thick_plate
-from plan_examples import LIGHT, plan
+from plan_examples import LIGHT, plan, setting
 
 from aspectgraph import Solid, build_aspect_graph, read_requirements, read_solid
 from errors.checks import probability_text
@@ -172,6 +172,37 @@ def test_all_is_in_the_page_and_nothing_is_loaded(browser, tmp_path, width):
     assert min(heights) > 40
     # the last one lists all that a model requires
     assert max(heights[:-1]) < 700
+    page.close()
+
+
+@needs_browser
+def test_in_the_narrow_output_of_a_cell_a_table_scrolls_in_its_frame(browser, tmp_path):
+    """JupyterLab leaves 354 px of a phone's 400, and cuts off what stands out of an output."""
+    names = [f"chamfer_back_right_{k}" for k in range(4)]
+    entities = {
+        name: np.array([[0.0, 0.0, 9.0 * k], [60.0, 0.0, 9.0 * k]]) for k, name in enumerate(names)
+    }
+    made = plan(
+        entities=entities,
+        settings=(setting((164.9, -450.1, 629.3), names),),
+        uninspectable={},
+    )
+    path = tmp_path / "page.html"
+    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+    frame = f'<div style="width:354px;overflow:hidden">{made._repr_html_()}</div>'
+    path.write_text(f"<!DOCTYPE html>{head}{frame}", encoding="utf-8")
+    page = browser.page(path, width=400)
+    page.run(
+        "document.querySelectorAll('table').forEach((t) => { t.parentElement.scrollLeft = 9999; })"
+    )
+    ends = page.run(
+        "[...document.querySelectorAll('table')].map((t) => [t.getBoundingClientRect().right,"
+        " t.parentElement.getBoundingClientRect().right, t.parentElement.clientWidth])"
+    )
+    assert len(ends) == 2
+    for table_right, frame_right, width in ends:
+        assert width <= 354
+        assert table_right <= frame_right + 0.5
     page.close()
 
 

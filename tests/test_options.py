@@ -1,13 +1,16 @@
 """Public calls with many options take them by keyword, each shown with its default, and no other."""
 
 import inspect
+import sys
 from dataclasses import MISSING, fields, replace
 from types import SimpleNamespace
+from typing import Literal, get_args, get_origin
 
 import pytest
 from IPython.core.completer import provisionalcompleter
 from IPython.core.interactiveshell import InteractiveShell
 
+import aspectgraph
 import errors
 import ga
 import planner
@@ -43,7 +46,13 @@ def test_every_keyword_is_shown_and_none_is_taken_unseen(call, n):
 @pytest.mark.parametrize(("call", "_"), CALLS)
 def test_an_unknown_keyword_is_refused_by_name(call, _):
     needed = [n for n, p in inspect.signature(call).parameters.items() if p.default is p.empty]
-    message = rf"{call.__name__}\(\) got an unexpected keyword argument 'colour'"
+    # those of the planner look for the one that may be meant, and here there is none
+    words = (
+        "has no argument"
+        if call.__module__.startswith("planner")
+        else "got an unexpected keyword argument"
+    )
+    message = rf"{call.__name__}\(\) {words} 'colour'"
     with pytest.raises(TypeError, match=message):
         call(**dict.fromkeys(needed), colour="red")
 
@@ -63,6 +72,30 @@ def test_a_misspelt_keyword_is_answered_with_the_right_one(call, wrong, right):
     message = rf"{call.__name__}\(\) has no argument '{wrong}'; did you mean '{right}'\?"
     with pytest.raises(TypeError, match=message):
         call(**{wrong: 1})
+
+
+# that of `plan_inspection` looks at the arguments first, and has a test of its own
+FUNCTIONS = {
+    name: getattr(planner, name)
+    for name in dir(planner)
+    if inspect.isfunction(getattr(planner, name)) and name[0] != "_" and name != "plan_inspection"
+}
+
+
+@pytest.mark.parametrize("name", sorted(FUNCTIONS))
+def test_every_function_with_options_names_the_one_that_is_meant(name):
+    """The last one is misspelt: a letter is missing."""
+    call = FUNCTIONS[name]
+    parameters = list(inspect.signature(call).parameters.values())
+    options = [item.name for item in parameters if item.default is not item.empty]
+    if not options:
+        pytest.skip("it has none")
+    wrong = options[-1][:-1]
+    # all that is needed is there, so that Python does not miss that first
+    needed = {item.name: None for item in parameters if item.default is item.empty}
+    with pytest.raises(TypeError) as refused:
+        call(**needed, **{wrong: 1})
+    assert f"did you mean '{options[-1]}'" in str(refused.value)
 
 
 def test_the_options_of_a_plan_are_one_value_with_defaults():
@@ -99,6 +132,42 @@ def test_type_checkers_know_the_keywords_of_a_dimension(name, kind):
         call(**{**values, **ENTITIES.get(name, {})}, colour="red")
     words = str(refused.value).partition("one of ")[2].partition(". Got")[0]
     assert set(words.split(", ")) == set(kind.__annotations__)
+
+
+@pytest.mark.parametrize(
+    ("call", "name", "words"),
+    [
+        (planner.plan_light, "ground", {"dark", "bright"}),
+        (planner.Lighting, "ground", {"dark", "bright"}),
+        (planner.InspectionOptions, "split", {"auto", "never"}),
+        (planner.Requirements, "field_of_view", {"exact", "cone"}),
+        (planner.plan_setting, "field_of_view", {"exact", "cone"}),
+        (planner.plan_setting, "objective", {"sum", "min"}),
+        (planner.plan_setting, "model", {"joint", "independent", "montecarlo"}),
+        (planner.Search, "selection", {"roulette", "sus"}),
+        (planner.Search, "scaling", {"proportional", "window", "rank"}),
+        (planner.Search, "sampling", {"covering", "workspace"}),
+        (planner.Effort.named, "name", {"quick", "standard", "thorough"}),
+        (planner.program_text, "format", {"urscript", "rapid", "krl", "fanuc", "ros", "csv", "json"}),
+        (planner.write_program, "format", {"urscript", "rapid", "krl", "fanuc", "ros", "csv", "json"}),
+        (aspectgraph.plot_section, "axis", {"x", "y", "z"}),
+        (errors.success_probability, "model", {"joint", "independent", "montecarlo"}),
+        (errors.SuccessModel, "model", {"joint", "independent", "montecarlo"}),
+        (errors.simulate_success, "quantization", {"uniform", "grid", "none"}),
+        (errors.measure_lengths, "detector", {"axes", "area"}),
+        (errors.simulate_measurement, "detector", {"axes", "area"}),
+        (ga.maximize, "selection", {"roulette", "sus"}),
+        (ga.maximize, "scaling", {"proportional", "window", "rank"}),
+    ],
+)  # fmt: skip
+def test_type_checkers_know_the_words_of_an_argument(call, name, words):
+    # help shows those of records in words of its own
+    stated = getattr(call, "__func__", call)
+    text = stated.__annotations__.get(name) or stated.__init__.__annotations__[name]
+    kind = eval(text, vars(sys.modules[call.__module__]))
+    # one of them may be left out
+    choices = next((arg for arg in (kind, *get_args(kind)) if get_origin(arg) is Literal), None)
+    assert set(get_args(choices)) == words
 
 
 @pytest.mark.parametrize(

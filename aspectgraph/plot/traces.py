@@ -617,7 +617,7 @@ def scene_figure(traces: list[Any], eye: Sequence[float], title: str = "") -> Fi
     title : str
         Above the scene; none takes no room.
     """
-    import plotly.graph_objects as go
+    from aspectgraph.plot.still import Figure as StillFigure
 
     axis = {
         "backgroundcolor": "#ffffff",
@@ -626,7 +626,7 @@ def scene_figure(traces: list[Any], eye: Sequence[float], title: str = "") -> Fi
         "color": "#6b7480",
     }
     scene = {f"{name}axis": {**axis, "title": {"text": f"{name} (mm)"}} for name in "xyz"}
-    figure = go.Figure(traces)
+    figure = StillFigure(traces)
     figure.update_layout(
         title={"text": title, "x": 0.02, "font": {"size": 16}},
         scene={

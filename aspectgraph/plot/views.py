@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import networkx as nx
 import numpy as np
@@ -88,7 +88,7 @@ def plot_section(
     eag: EntityAspectGraph,
     ax: Axes | None = None,
     *,
-    axis: str = "z",
+    axis: Literal["x", "y", "z"] = "z",
     at: float | None = None,
     box: ArrayLike | None = None,
 ) -> SectionDrawing:

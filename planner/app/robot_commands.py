@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 # The command ``program``: a robot program that takes the images of a plan.
 
 # where neither a format nor a file is named
-_USUAL_LANGUAGE = "urscript"
+_USUAL_LANGUAGE: Final = "urscript"
 
 
 def program(options: Program) -> int:

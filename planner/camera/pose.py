@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.convert import Meta, Shape, to_plain
-from planner.argument_kinds import NOT_NEGATIVE, kind_shown, shown, takes_names
+from planner.argument_kinds import NOT_NEGATIVE, kind_shown, shown, suggests_names, takes_names
 from planner.exceptions import RequestError, UncertaintyError
 from planner.plan_file import Pose
 
@@ -83,6 +83,7 @@ def aim(positions: np.ndarray, target: np.ndarray) -> np.ndarray:
     return aimed_poses(positions, target)[:, :3, :3]
 
 
+@suggests_names
 def look_at(
     positions: np.ndarray,
     target: np.ndarray,

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -855,7 +855,8 @@ class RingSpace(LitSpace):
         return np.asarray((differs | ~part).all(axis=1))
 
 
-GROUNDS = ("dark", "bright")
+Ground = Literal["dark", "bright"]
+GROUNDS = get_args(Ground)
 # the workspace of the regions is so much larger than the lamps' space, as a share of it
 _ROOM = 0.01
 
@@ -921,7 +922,7 @@ class Lighting:
     lamps: Annotated[Any, Plain(_plain_lamps, _lamps_from)]
     contrast: float = DEFAULT_CONTRAST
     step: float = DEFAULT_STEP
-    ground: str = "dark"
+    ground: Ground = "dark"
     tolerance_mm: float = 0.0
     together: bool = False
     material: Material | None = None

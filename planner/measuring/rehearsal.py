@@ -13,7 +13,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Iterator, Sequence, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
@@ -25,13 +25,22 @@ from scipy.ndimage import binary_dilation, gaussian_filter, maximum_filter, mini
 from aspectgraph.entities.entity_rules import PARAMETERS, Carrier
 from aspectgraph.solid.solid import RayScene
 from errors.measurands import Circle, Line
-from ground.convert import Meta, Shape, to_plain
+from ground.convert import Meta, Shape, from_plain, to_plain
 from ground.faces import program_name
 from ground.short_repr import count
 from planner.argument_kinds import NOT_NEGATIVE, check_count, check_kinds, check_number
 from planner.camera.camera import Camera, tangents_of
 from planner.camera.response import LINEAR, Response
-from planner.files import staged_folder, timestamp, write_text
+from planner.exceptions import PlanFileError
+from planner.files import (
+    absolute,
+    check_path_text,
+    file_digest,
+    read_json,
+    staged_folder,
+    timestamp,
+    write_text,
+)
 from planner.identity import PartRecord
 from planner.light.area_light import AreaLight
 from planner.light.light_plan import beside, white_share
@@ -126,6 +135,8 @@ class Truth:
         Name and version of the program.
     part, part_digest : str
         The part, and the SHA-256 of its vertices and triangles as designed.
+    images : dict of str to str
+        SHA-256 of each file with an image, by its name; empty before they are written, and in older files.
     """
 
     seed: int
@@ -144,6 +155,7 @@ class Truth:
     program: str = ""
     part: str = ""
     part_digest: str = ""
+    images: dict[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
@@ -1019,7 +1031,8 @@ class Rehearsal:
         Parameters
         ----------
         folder : path
-            Images of an earlier rehearsal there are replaced.
+            Images of an earlier rehearsal there are replaced, also those that this plan does not take. A file that
+            changed since it was written stays, unless it has the name of a new one.
         progress : callable, optional
             Takes how many percent of all images are done, 100, and a label.
 
@@ -1094,11 +1107,29 @@ def write_images(
     """Write a rehearsal, see `Rehearsal.write`, into a folder that the caller knows by the name of a parameter."""
     from PIL import Image
 
-    truth = rehearsal.truth
-    names = [TRUTH, *(f"{name}.png" for name in truth.poses)]
-    with staged_folder(folder, names, parameter) as staging:
+    check_path_text(Path(folder), parameter)
+    names = [TRUTH, *(f"{name}.png" for name in rehearsal.truth.poses)]
+    former = _unchanged_images(absolute(folder))
+    with staged_folder(folder, [*names, *former], parameter) as staging:
+        digests = {}
         for rendered in rehearsal.images(progress):
-            Image.fromarray(rendered.grey).save(staging / rendered.shot.file)
-        text = json.dumps(to_plain(truth), indent=1, allow_nan=False, ensure_ascii=False)
+            path = staging / rendered.shot.file
+            Image.fromarray(rendered.grey).save(path)
+            digests[path.name] = file_digest(path)
+        rehearsal.truth = replace(rehearsal.truth, images=digests)
+        text = json.dumps(to_plain(rehearsal.truth), indent=1, allow_nan=False, ensure_ascii=False)
         write_text(staging / TRUTH, text + "\n")
     return [str(Path(folder) / name) for name in names]
+
+
+def _unchanged_images(folder: Path) -> list[str]:
+    """Return the files of an earlier rehearsal in a folder that are as it wrote them: no other may be removed."""
+    try:
+        truth = from_plain(Truth, read_json(folder / TRUTH, "file"), PlanFileError)
+    except PlanFileError:
+        return []
+    # a name with a folder in it is none that a rehearsal writes
+    inside = {name: digest for name, digest in truth.images.items() if Path(name).name == name}
+    return [
+        name for name, digest in inside.items() if digest and file_digest(folder / name) == digest
+    ]

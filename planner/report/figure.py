@@ -30,7 +30,7 @@ from aspectgraph.plot.views import layout
 from errors.checks import relation_text
 from errors.measurands import Circle, Geometry
 from ground.templates import render
-from planner.argument_kinds import check_kinds
+from planner.argument_kinds import check_kinds, suggests_names
 from planner.camera.pose import world_to_cam
 from planner.progress import TimeLeft, report
 from planner.request.reach import TargetSpace
@@ -406,6 +406,7 @@ def color_of(setting_idx: int) -> str:
     return COLORS[setting_idx % len(COLORS)]
 
 
+@suggests_names
 def plan_figure(
     plan: InspectionPlan,
     solid: Solid | None = None,

@@ -17,7 +17,7 @@ from aspectgraph.plot.picker import LabelLayout, Spot, label_layout
 from errors.checks import percent_text, probability_text
 from ground.faces import program_name
 from ground.templates import asset, render
-from planner.argument_kinds import check_kinds, check_space
+from planner.argument_kinds import check_kinds, check_space, suggests_names
 from planner.camera.camera import Camera
 from planner.camera.pose import look_at, world_to_cam
 from planner.measuring.foreseen import with_foreseen
@@ -656,6 +656,7 @@ class Report:
         ]
 
 
+@suggests_names
 def report_html(
     plan: InspectionPlan,
     space: Space | Solid,

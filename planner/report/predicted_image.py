@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from aspectgraph.plot.traces import is_feature
 from aspectgraph.solid.solid import RayScene
 from ground.templates import render
-from planner.argument_kinds import check_kinds
+from planner.argument_kinds import check_kinds, suggests_names
 from planner.camera.camera import Camera, image_of, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.exceptions import RequestError
@@ -59,6 +59,7 @@ Window = tuple[int, int, int, int]
 """Part of the sensor: its left and upper side, width and height, px."""
 
 
+@suggests_names
 def predicted_image(
     solid: Solid,
     camera: Camera,

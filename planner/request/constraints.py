@@ -15,7 +15,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -63,6 +63,7 @@ from planner.request.targets import Target, edge_targets
 # r1 × r2.
 
 
+FieldOfView = Literal["exact", "cone"]
 RESOLUTION = slice(0, 1)
 FOCUS = slice(1, 5)
 FIELD_OF_VIEW = slice(5, 13)
@@ -374,7 +375,7 @@ class Requirements:
         default=20.0, metadata={"title": "Image of an edge", "sentence": "at least {:g} px long"}
     )
     field_margin_px: float = 0.0
-    field_of_view: str = "exact"
+    field_of_view: FieldOfView = "exact"
     stand_off_mm: float = field(
         default=50.0, metadata={"title": "Stand-off", "sentence": "at least {:g} mm from the part"}
     )

@@ -25,6 +25,7 @@ from planner.argument_kinds import (
     check_number,
     kind_shown,
     shown,
+    suggests_names,
     with_article,
 )
 from planner.exceptions import RequestError
@@ -574,6 +575,7 @@ ROLE_REASONS = {
 """Why a dimension of the model is not planned although it can be measured, by its role."""
 
 
+@suggests_names
 def dimensions_to_plan(
     stated: Iterable[ModelDimension | GeometricTolerance],
     *,

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import errors
+from errors.model import Model
 from errors.registration import Imaging, KnownPoses, Stretches, Values, known_poses
 from ground.short_repr import short_repr
 from planner.camera.camera import Camera
@@ -165,7 +166,7 @@ class Means:
     pose_uncertainty: PoseUncertainty
     accuracy: float = 0.98
     localisation: Localisation | None = None
-    model: str = "joint"
+    model: Model = "joint"
     surfaces_mm: float = 0.0
     by_surfaces: float | None = None
     own_edges: OwnEdges | None = None

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from errors.checks import relation_text
+from errors.model import Model
 from planner.argument_kinds import check_fraction
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
@@ -40,6 +41,9 @@ if TYPE_CHECKING:
 # The objective: how probable it is that every target is measured accurately from a pose.
 
 
+ObjectiveKind = Literal["sum", "min"]
+
+
 class Objective:
     """Success probabilities of poses, and the fitness made of them.
 
@@ -58,7 +62,7 @@ class Objective:
         If the accuracy or the kind breaks its rule.
     """
 
-    def __init__(self, targets: Sequence[Target], means: Means, kind: str = "sum"):
+    def __init__(self, targets: Sequence[Target], means: Means, kind: ObjectiveKind = "sum"):
         check_fraction("accuracy", means.accuracy)
         if kind not in ("sum", "min"):
             raise RequestError.of_rule("objective", "must be 'sum' or 'min'", repr(kind))
@@ -72,7 +76,7 @@ class Objective:
             self._models.append((columns, target_kind.models([targets[i] for i in columns], means)))
 
     @classmethod
-    def of_edges(cls, ends: np.ndarray, means: Means, kind: str = "sum") -> Objective:
+    def of_edges(cls, ends: np.ndarray, means: Means, kind: ObjectiveKind = "sum") -> Objective:
         """Return the objective of edges whose ends (k, 2, 3) are given, mm."""
         return cls([edge_target(f"edge {i}", pair) for i, pair in enumerate(ends)], means, kind)
 
@@ -392,7 +396,7 @@ class Problem:
         """The success probabilities of all that is wanted, and their sum."""
         return self.objective_of("sum", "joint")
 
-    def objective_of(self, kind: str, model: str) -> Objective:
+    def objective_of(self, kind: ObjectiveKind, model: Model) -> Objective:
         """Return the objective of another kind or error model, see `Objective`."""
         return Objective(self.targets, replace(self.means, model=model), kind)
 

@@ -17,7 +17,14 @@ from scipy.spatial import ConvexHull
 
 from aspectgraph.solid.solid import RayScene
 from ground.short_repr import short_repr
-from planner.argument_kinds import NOT_NEGATIVE, POSITIVE, check_count, check_number, shown
+from planner.argument_kinds import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    check_count,
+    check_number,
+    shown,
+    suggests_names,
+)
 from planner.exceptions import RobotError
 from planner.robotcell.bodies import (
     SKIN_MM,
@@ -187,6 +194,7 @@ class LaidPart(Reached):
         }
 
 
+@suggests_names
 def propose_layings(
     plan: Any,
     solid: Solid,

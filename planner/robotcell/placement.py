@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.argument_kinds import check_count, shown
+from planner.argument_kinds import check_count, shown, suggests_names
 from planner.exceptions import RobotError
 from planner.robotcell.bodies import SKIN_MM, Fixturing
 from planner.robotcell.cell import Cell, reachability_of
@@ -117,6 +117,7 @@ class Placement(Reached):
         }
 
 
+@suggests_names
 def propose_placements(
     plan: Any,
     solid: Solid,

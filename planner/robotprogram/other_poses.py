@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ground.short_repr import short_repr
-from planner.argument_kinds import check_count, check_kinds
+from planner.argument_kinds import check_count, check_kinds, suggests_names
 from planner.exceptions import RequestError
 from planner.measuring.planned_edges import registered_problem
 from planner.options import InspectionOptions
@@ -378,6 +378,7 @@ class OtherPoses:
         return sorted(rows.items())
 
 
+@suggests_names
 def with_reached_settings(
     plan: InspectionPlan,
     solid: Solid,

@@ -16,12 +16,12 @@ from collections.abc import Callable, Iterator, Sequence
 from datetime import date
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from aspectgraph.entities.entity_rules import NumberText, table_text
-from planner.argument_kinds import check_kinds, shown
+from planner.argument_kinds import check_kinds, shown, suggests_names
 from planner.exceptions import RequestError
 from planner.files import write_text
 from planner.robotprogram.fanuc_text import FANUC_NAME, MOST_FANUC_LETTERS, fanuc_text
@@ -697,7 +697,8 @@ def _json_text(program: RobotProgram, signals: CameraSignals, made: date) -> str
     return json.dumps(program.to_dict(), indent=1, allow_nan=False) + "\n"
 
 
-_WRITERS: dict[str, _Writer] = {
+Format = Literal["urscript", "rapid", "krl", "fanuc", "ros", "csv", "json"]
+_WRITERS: dict[Format, _Writer] = {
     "urscript": urscript_text,
     "rapid": rapid_text,
     "krl": krl_text,
@@ -706,7 +707,7 @@ _WRITERS: dict[str, _Writer] = {
     "csv": csv_text,
     "json": _json_text,
 }
-FORMATS = {
+FORMATS: dict[Format, str] = {
     "urscript": "inspection.script",
     "rapid": "inspection.mod",
     "krl": "inspection.src",
@@ -717,7 +718,7 @@ FORMATS = {
 }
 """The formats, and the usual name of a file in each."""
 
-_BY_SUFFIX = {
+_BY_SUFFIX: dict[str, Format] = {
     ".script": "urscript",
     ".mod": "rapid",
     ".src": "krl",
@@ -731,7 +732,7 @@ _BY_SUFFIX = {
 _NAMED_AS_FILES = {"krl": 24, "fanuc": MOST_FANUC_LETTERS}
 
 
-def format_of_file(path: Path, format: str | None, parameter: str) -> str:
+def format_of_file(path: Path, format: Format | None, parameter: str) -> Format:
     """Return the language of a program by its file, or check that both agree.
 
     Parameters
@@ -749,10 +750,10 @@ def format_of_file(path: Path, format: str | None, parameter: str) -> str:
         If the suffix is unknown or that of another language, or the language does not allow the file's name.
     """
     of_suffix = _BY_SUFFIX.get(path.suffix.lower())
-    if format is None and of_suffix is None:
+    language = format or of_suffix
+    if language is None:
         rule = f"must end in {', '.join(_BY_SUFFIX)}, or the format must be given"
         raise RequestError.of_rule(parameter, rule, shown(str(path)))
-    language = format or str(of_suffix)
     usual = Path(FORMATS.get(language, "")).suffix
     if of_suffix is not None and usual not in ("", path.suffix.lower()):
         rule = f"must end in {usual} for {language}: {path.suffix} is that of {of_suffix}"
@@ -767,9 +768,10 @@ def format_of_file(path: Path, format: str | None, parameter: str) -> str:
     return language
 
 
+@suggests_names
 def program_text(
     program: RobotProgram,
-    format: str,
+    format: Format,
     *,
     signals: CameraSignals | None = None,
     made: date | None = None,
@@ -819,11 +821,12 @@ def program_text(
     return _WRITERS[format](program, chosen, date.today() if made is None else made)
 
 
+@suggests_names
 def write_program(
     program: RobotProgram,
     path: str | os.PathLike[str],
     *,
-    format: str | None = None,
+    format: Format | None = None,
     signals: CameraSignals | None = None,
 ) -> Path:
     """Write a robot program. The file appears whole or not at all.

@@ -12,7 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ground.short_repr import short_repr
-from planner.argument_kinds import ABOVE_0_TO_1, NumberRule, check_count, check_kinds, check_number
+from planner.argument_kinds import (
+    ABOVE_0_TO_1,
+    NumberRule,
+    check_count,
+    check_kinds,
+    check_number,
+    suggests_names,
+)
 from planner.camera.pose import MAX_SIGMA_RAD, PoseUncertainty
 from planner.exceptions import InfeasibleError, RequestError, UncertaintyError
 from planner.progress import Progress, report
@@ -430,6 +437,7 @@ _REDUCED_MM_S = 250.0
 _LONGER = 0.05
 
 
+@suggests_names
 def robot_program(
     plan: InspectionPlan,
     solid: Solid,
@@ -496,6 +504,7 @@ def robot_program(
     return maker.program(progress)
 
 
+@suggests_names
 def robot_program_with_other_poses(
     plan: InspectionPlan,
     solid: Solid,

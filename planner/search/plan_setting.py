@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from errors.model import Model
 from ga import GAResult, maximize
 from ga.exceptions import InfeasiblePopulationError
-from planner.argument_kinds import ITEMS, check_kinds, check_space
+from planner.argument_kinds import ITEMS, check_kinds, check_space, suggests_names
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import NOT_ASKED, Detectability
@@ -27,8 +28,8 @@ from planner.request.camera_limits import (
     position_margin_mm,
     widest_view_mm,
 )
-from planner.request.constraints import Constraints, Requirements
-from planner.request.problem import Objective, Problem, why_missed
+from planner.request.constraints import Constraints, FieldOfView, Requirements
+from planner.request.problem import Objective, ObjectiveKind, Problem, why_missed
 from planner.request.reach import Reach, Space, TargetSpace, cells_of, entity_space
 from planner.request.targets import check_is_edge
 from planner.search.poses import (
@@ -622,6 +623,7 @@ def _enough(objective: Objective) -> float:
     return objective.highest * (1.0 - _PERFECT)
 
 
+@suggests_names
 def plan_setting(
     space: Space,
     names: Sequence[str],
@@ -633,13 +635,13 @@ def plan_setting(
     stand_off_mm: float = 50.0,
     min_length_px: float = 20.0,
     field_margin_px: float | None = None,
-    field_of_view: str = "exact",
+    field_of_view: FieldOfView = "exact",
     visibility_radius_mm: float | None = None,
     focus_margin_mm: float = 0.0,
     showing: Detectability = NOT_ASKED,
     reach: Reach | None = None,
-    objective: str = "sum",
-    model: str = "joint",
+    objective: ObjectiveKind = "sum",
+    model: Model = "joint",
     search: Search | None = None,
     start: ArrayLike | None = None,
     callback: Callable[..., Any] | None = None,
@@ -765,8 +767,8 @@ def best_setting(
     problem: Problem,
     rng: int | np.random.Generator | None,
     *,
-    objective: str = "sum",
-    model: str = "joint",
+    objective: ObjectiveKind = "sum",
+    model: Model = "joint",
     search: Search | None = None,
     start: ArrayLike | None = None,
     callback: Callable[..., Any] | None = None,

@@ -12,7 +12,7 @@ import numpy as np
 from errors.checks import below_one
 from ground.convert import STATED, Meta, from_plain, to_plain
 from ground.short_repr import count
-from planner.argument_kinds import check_callable, check_count, check_kinds
+from planner.argument_kinds import check_callable, check_count, check_kinds, suggests_names
 from planner.camera.camera import Camera
 from planner.detectability.conditions import Detectability
 from planner.detectability.image_check import ImageCheck, Scanned
@@ -291,6 +291,7 @@ class SimulationResult:
         return from_plain(cls, data, PlanFileError)
 
 
+@suggests_names
 def simulate_plan(
     plan: Planned,
     n: int = 10_000,

@@ -16,7 +16,7 @@ from scipy.special import betaincinv
 from errors.measurands import Circle, End, Geometry, Localisation
 from ground.convert import STATED
 from ground.decorators import entry_kernel, kernel_without_refcounts
-from planner.argument_kinds import check_count
+from planner.argument_kinds import check_count, suggests_names
 from planner.camera.camera import Camera, image_of, undistorted_px
 from planner.camera.pose import PoseUncertainty, world_to_cam
 from planner.exceptions import RequestError
@@ -606,6 +606,7 @@ class SuccessRate:
         return TOLERATED if self.predicted <= self.high + MODEL_TOLERANCE else CONTRADICTED
 
 
+@suggests_names
 def simulate_setting(
     setting: Posed,
     entities: Mapping[str, Any],

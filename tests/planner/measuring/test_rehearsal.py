@@ -1,5 +1,6 @@
 """Rendered images of a plan: what they show is what they say, and `measure` reads it."""
 
+import hashlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -452,6 +453,66 @@ def test_the_same_seed_gives_the_same_files(plate, plan, tmp_path):
     image = np.asarray(Image.open(tmp_path / "first" / "setting_01.png"))
     # nothing beside what is measured is overexposed, and the part is bright
     assert 0.5 * 255 < np.quantile(image, 0.9) < 250
+
+
+def test_images_of_an_earlier_plan_leave_and_files_of_the_user_stay(plate, plan, tmp_path):
+    """A plan of fewer settings could not be measured in a folder that an earlier plan was rendered into."""
+    fewer = measured_plan(plate, ["width"], settings=1)
+    folder = tmp_path / "images"
+    Rehearsal(plan, plate, seed=1).write(folder)
+    truth = json.loads((folder / "truth.json").read_text())
+    pictures = {path.name: path.read_bytes() for path in folder.glob("*.png")}
+    assert truth["images"] == {k: hashlib.sha256(v).hexdigest() for k, v in pictures.items()}
+    mine = {"notes.txt": b"mine", "setting_07.png": pictures["setting_02.png"]}
+    for name, content in mine.items():
+        (folder / name).write_bytes(content)
+    files = Rehearsal(fewer, plate, seed=1).write(folder)
+    assert files == [str(folder / name) for name in ("truth.json", "setting_01.png")]
+    assert {path.name for path in folder.iterdir()} == {"truth.json", "setting_01.png", *mine}
+    assert {name: (folder / name).read_bytes() for name in mine} == mine
+    (folder / "setting_07.png").unlink()
+    assert measure(fewer, plate, folder).measured
+
+
+@pytest.mark.parametrize("kind", ["photograph", "older", "elsewhere", "not a truth"])
+def test_what_a_rehearsal_did_not_surely_write_stays(plate, plan, tmp_path, kind):
+    fewer = measured_plan(plate, ["width"], settings=1)
+    folder = tmp_path / "images"
+    Rehearsal(plan, plate, seed=1).write(folder)
+    stays = folder / "setting_02.png"
+    path = folder / "truth.json"
+    truth = json.loads(path.read_text())
+    if kind == "photograph":
+        # by the name of a rendered one
+        stays.write_bytes(b"of a camera")
+    elif kind == "older":
+        # files of older releases state no digests
+        del truth["images"]
+    elif kind == "elsewhere":
+        stays = tmp_path / "other.png"
+        stays.write_bytes(b"of a camera")
+        truth["images"]["../other.png"] = hashlib.sha256(b"of a camera").hexdigest()
+    else:
+        truth["format"] = "of another program"
+    path.write_text(json.dumps(truth))
+    before = stays.read_bytes()
+    Rehearsal(fewer, plate, seed=1).write(folder)
+    assert stays.read_bytes() == before
+    assert json.loads(path.read_text())["plan_digest"] == fewer.digest
+
+
+def test_images_of_an_earlier_plan_stay_if_rendering_fails(plate, plan, tmp_path, monkeypatch):
+    Rehearsal(plan, plate, seed=1).write(tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    rehearsal = Rehearsal(measured_plan(plate, ["width"], settings=1), plate, seed=1)
+
+    def interrupted(progress):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(rehearsal, "images", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        rehearsal.write(tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 @pytest.mark.parametrize(

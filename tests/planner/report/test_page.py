@@ -882,3 +882,38 @@ def test_a_plan_of_nothing_is_shown_too(browser, tmp_path):
     # part and what is not inspected
     assert "not inspected" in shown.run("plan3d.data.map((one) => one.name)")
     shown.close()
+
+
+def pages_of_headings(page):
+    """Return the page of paper of each heading, by its text, as the outline of a printed PDF names them."""
+    printed = page.call("Page.printToPDF", generateDocumentOutline=True, generateTaggedPDF=True)
+    entry = rb"/Title \(([^)]*)\)\s*/Dest \[(\d+) 0 R"
+    return dict(re.findall(entry, base64.b64decode(printed["data"])))
+
+
+@needs_browser
+def test_on_paper_headings_stay_with_what_they_are_of(browser, file):
+    """Whatever is above them: the 3-D view does not go on to the next page alone, nor do pictures of a setting."""
+    shown = browser.page(file, 1400, 900)
+    shown.wait("document.body.dataset.ready === 'yes'")
+    # headings of their own show in the outline where a figure and pictures begin
+    for place, mark in ((".space", "the view"), (".shots", "pictures")):
+        shown.run(
+            f"document.querySelector('{place}').insertAdjacentHTML('afterbegin', '<h6>{mark}</h6>')"
+        )
+    shown.run(
+        "for (const one of document.querySelectorAll('#space, #setting-1'))"
+        " one.insertAdjacentHTML('beforebegin', '<div class=above></div>')"
+    )
+    pages = []
+    for height in range(0, 1000, 20):
+        shown.run(
+            f"document.querySelectorAll('.above').forEach((one) => one.style.height = '{height}px')"
+        )
+        found = pages_of_headings(shown)
+        assert found[b"3-D view"] == found[b"the view"], height
+        assert found[b"Setting 1"] == found[b"pictures"], height
+        pages.append((found[b"3-D view"], found[b"Setting 1"]))
+    # heights of about a page move each of them to the next one
+    assert all(len(set(places)) > 1 for places in zip(*pages, strict=True))
+    shown.close()
