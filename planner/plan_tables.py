@@ -296,7 +296,8 @@ class PlanTables(ShownInNotebook):
         counted = all(setting.p_all for setting in self.settings)
         shown = list(best)[:_SHOWN_TARGETS]
         # where breaks are not stated, `measure` states another U than the plan's own
-        is_planned = {name for name in shown if best[name].foreseen is None and self._edges_lines()}
+        without = [name for name in shown if best[name].foreseen is None]
+        is_planned = set(without if self._edges_lines() else ())
         rows = []
         for name in shown:
             row = best[name]

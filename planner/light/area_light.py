@@ -13,7 +13,6 @@ n camera places (*eyes*), m points of edges. A contrast is that of the two sides
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -57,7 +56,6 @@ SECTORS = 12
 # an entity of more edges is looked at in the middle of each, others at nine points
 _FEW_EDGES = 8
 # how much of a target lies in an opening, which differs from pose to pose
-_SHARE = re.compile(r"only \d+ % of it")
 
 
 class Sight(NamedTuple):
@@ -146,6 +144,22 @@ def spoken(kind: str) -> str:
     return {"coaxial": "coaxial light"}.get(kind, kind.replace("-", " "))
 
 
+class Misplaced(NamedTuple):
+    """Why light and camera cannot show a target where they are: what is so, and of how much of it."""
+
+    text: str
+    part: str = ""
+
+    def __str__(self) -> str:
+        """Return the reason without a full stop."""
+        return f"{self.part} {self.text}".strip()
+
+    @property
+    def of_a_part(self) -> Misplaced:
+        """The same reason where only the text counts, not how large the part is."""
+        return self._replace(part=self.part and "only a part of it")
+
+
 class StandingLight(Protocol):
     """A light with an area that stands: it answers by rays."""
 
@@ -193,8 +207,8 @@ class AreaLight(Protocol):
     def held(self, cam2world: Array) -> StandingLight:
         """Return the light as it stands when a camera has a pose (4, 4): itself, unless the camera carries it."""
 
-    def misplaced(self, scene: RayScene, cam2world: Array, points: Array) -> str:
-        """Say why light and camera cannot show points (n, 3) at all where they are; "" if they can."""
+    def misplaced(self, scene: RayScene, cam2world: Array, points: Array) -> Misplaced | None:
+        """Return why light and camera cannot show points (n, 3) at all where they are; None if they can."""
 
     def in_front(self, cells: CellSet) -> CellSet:
         """Return cells without those from which the light shows nothing of any part."""
@@ -350,9 +364,8 @@ def _why_dark(
     cam2world = np.asarray(pose, dtype=np.float64)
     for part in parts:
         points = EdgePoints.of(solid, part.edge_ids).points
-        text = area.misplaced(sight.scene, cam2world, points)
-        if text:
-            return f"{text}."
+        if misplaced := area.misplaced(sight.scene, cam2world, points):
+            return f"{misplaced}."
     return f"it {area.reason}."
 
 
@@ -594,11 +607,12 @@ class AreaSpace(LitSpace):
         scene = self._looked().scene
         edge_ids = [i for name in names for i in self.entities[name].edge_ids]
         points = EdgePoints.of(self.solid, edge_ids).points
-        texts = (self.area.misplaced(scene, pose, points) for pose in cam2world)
-        reasons = Counter(_SHARE.sub("only a part of it", text) for text in texts)
-        ((text, n),) = reasons.most_common(1)
+        answers = (self.area.misplaced(scene, pose, points) for pose in cam2world)
+        # its share differs from pose to pose
+        reasons = Counter(misplaced and misplaced.of_a_part for misplaced in answers)
+        ((reason, n),) = reasons.most_common(1)
         often = "" if n == len(cam2world) else f" (from {n} of {len(cam2world)} of these poses)"
-        return f"{text or f'under {self.area} it {self.area.reason}'}{often}"
+        return f"{reason or f'under {self.area} it {self.area.reason}'}{often}"
 
     def _looked(self) -> Sight:
         if self._sight is None:

@@ -17,7 +17,14 @@ from aspectgraph.solid.solid import RayScene
 from ground.convert import STATED, Meta
 from planner.argument_kinds import POSITIVE, check_number
 from planner.exceptions import RequestError
-from planner.light.area_light import EdgePoints, Sight, StandingLight, places_seen, ways_beside
+from planner.light.area_light import (
+    EdgePoints,
+    Misplaced,
+    Sight,
+    StandingLight,
+    places_seen,
+    ways_beside,
+)
 from planner.light.corner_light import BESIDE_PX, rays_beside
 from planner.light.reflection import BOUNCES, RAYS, Material, Rectangle, brightness
 
@@ -234,7 +241,7 @@ class Backlight:
         """
         return cells.in_front_of(np.array(self.centre), self.normal)
 
-    def misplaced(self, scene: RayScene, cam2world: Array, points: Array) -> str:
+    def misplaced(self, scene: RayScene, cam2world: Array, points: Array) -> Misplaced | None:
         """Say whether a camera is behind the rectangle.
 
         Parameters
@@ -248,13 +255,14 @@ class Backlight:
 
         Returns
         -------
-        str
-            The reason without a full stop, empty if the camera is in front of the rectangle.
+        Misplaced or None
+            The reason; None if the camera is in front of the rectangle.
         """
         height = float(self.heights_of(cam2world[None, :3, 3])[0])
         if height > 0:
-            return ""
-        return f"the camera is behind the backlight, which shines away from it ({-height:.0f} mm behind)"
+            return None
+        text = f"the camera is behind the backlight, which shines away from it ({-height:.0f} mm behind)"
+        return Misplaced(text)
 
     def check_part(self, solid: Solid) -> None:
         """Refuse a rectangle that the part is in the way of, or that does not shine at it.

@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 
 from ground.convert import STATED, Meta, check_fields
 from planner.exceptions import RequestError
-from planner.light.area_light import COVERAGE, EdgePoints, places_seen, spoken, ways_beside
+from planner.light.area_light import (
+    COVERAGE,
+    EdgePoints,
+    Misplaced,
+    places_seen,
+    spoken,
+    ways_beside,
+)
 from planner.light.reflection import (
     BOUNCES,
     RAYS,
@@ -203,7 +210,7 @@ class _Carried:
         """
         return HeldLight(self, np.asarray(cam2world, dtype=np.float64))
 
-    def misplaced(self, scene: RayScene, cam2world: Array, points: Array) -> str:
+    def misplaced(self, scene: RayScene, cam2world: Array, points: Array) -> Misplaced | None:
         """Say why the light cannot show a target where its camera is.
 
         Parameters
@@ -217,19 +224,19 @@ class _Carried:
 
         Returns
         -------
-        str
-            The reason without a full stop. It is empty if the light is clear of the part, and at least
-            as many points lie in its opening, and beyond it, as must show.
+        Misplaced or None
+            The reason. None if the light is clear of the part, and at least as many points lie in its
+            opening, and beyond it, as must show.
         """
         if self.held(cam2world).touches(scene):
-            return f"the {spoken(self.kind)} would touch the part"
+            return Misplaced(f"the {spoken(self.kind)} would touch the part")
         local = (points - cam2world[:3, 3]) @ cam2world[:3, :3]
         through = float(self.looks_through(local).mean())
         if through < COVERAGE:
             kind = spoken(self.kind)
-            share = f"only {100 * through:.0f} % of it"
-            return f"{share} lies in the opening of the {kind}, on the side away from the camera"
-        return ""
+            text = f"lies in the opening of the {kind}, on the side away from the camera"
+            return Misplaced(text, f"only {100 * through:.0f} % of it")
+        return None
 
     def brightest(self, distance_mm: float) -> float:
         """Return how bright a face on the axis is, tilted as is best.

@@ -676,7 +676,7 @@ COLUMNS = (
     *("reason", "advice", "interval_from", "interval_to", "bonus", "U_foreseen"),
     *("date", "operator"),
 )
-"""Columns of the table. Values are in the unit that `unit` states, those of pixels and shares left out."""
+"""Columns of the table. `unit` states the unit of all values that are not in pixels or shares."""
 
 # shares and pixels
 _NOMINAL_DECIMALS = 5

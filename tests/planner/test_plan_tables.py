@@ -85,7 +85,6 @@ def test_no_spreadsheet_runs_a_name(name):
     (row,) = csv.DictReader(io.StringIO(found.to_csv(), newline=""))
     assert row["name"] == "'" + name
     # numbers are no text
-    assert row["unit"] == "mm"
     assert row["x (mm)"] == "-40.0"
     assert found.rows()[0]["name"] == name
 
