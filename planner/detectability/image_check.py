@@ -39,7 +39,7 @@ from planner.detectability.corners import (
     relation_to,
     tip_lines,
 )
-from planner.detectability.near_contours import near_contours
+from planner.detectability.near_contours import choose_tested, near_contours, rays_to
 from planner.detectability.vicinity import PartPieces, Vicinity
 from planner.executors import check_on_the_way
 
@@ -345,8 +345,6 @@ _OVER = 1e-6
 _LEAST_MM = 1e-12
 # of a depth of field without end so many times its near limit counts
 _FAR = 10.0
-# if only some visible point of a pair is asked for, one of so many is looked at first
-_EVERY = 6
 # of the sensor, where distortion is looked at along each side; and how much more it may be between and beside these
 _GRID = 33
 _WIDER = 1.1
@@ -523,7 +521,7 @@ class ImageCheck:
         pieces = self._pieces.of_pairs(pairs)
         piece, distance, place = self._near(cam2world, pieces.rows, self._piece_lines, reach)
         apart = np.full(len(pieces.rows), reach)
-        visible = self._visible(cam2world[pieces.rows[piece, 0], :3, 3], place)
+        visible = self._visible(cam2world, pieces.rows[piece, 0], place)
         np.minimum.at(apart, piece[visible], distance[visible])
         return pieces.least_distance(apart)
 
@@ -533,12 +531,14 @@ class ImageCheck:
         """Return to what (p,) other visible lines come nearer than `reach` px: fewer rays than for how near."""
         pair, distance, place = self._near(cam2world, pairs, looked, reach)
         has = np.zeros(len(pairs), bool)
-        near = distance < reach
-        first = np.arange(len(pair)) % _EVERY == 0
-        for batch in (first, ~first):
-            tested = np.flatnonzero(near & batch & ~has[pair])
-            visible = self._visible(cam2world[pairs[pair[tested], 0], :3, 3], place[tested])
-            has[pair[tested[visible]]] = True
+        poses = np.ascontiguousarray(pairs[:, 0])
+        rows = np.empty(len(pair), np.int64)
+        for is_first in (True, False):
+            n = choose_tested(pair, distance, reach, is_first, has, rows)
+            tested = rows[:n]
+            of = pair[tested]
+            visible = self._visible(cam2world, poses[of], place[tested])
+            has[of[visible]] = True
         return has
 
     def _near(
@@ -677,7 +677,7 @@ class ImageCheck:
         found = (numbers, values, places)
         n = arm_images(poses, pairs, self._scale, self._part.compiled, of_arms, found)
         seen = SeenArms(*numbers[:, :n], *values[:, :n], *places[:, :n])
-        return seen, self._visible(poses[pairs[seen.of // 2, 0], :3, 3], seen.place)
+        return seen, self._visible(poses, pairs[seen.of // 2, 0], seen.place)
 
     def _drop_short(
         self, poses: Array, pairs: Pairs, seen: SeenArms, visible: NDArray[np.bool_]
@@ -723,7 +723,7 @@ class ImageCheck:
         among = (seen.of, seen.arm, short)
         found = (numbers, angles, places)
         n = tip_lines(poses, pairs, self._scale, self._part.compiled, of_arms, among, found)
-        visible = self._visible(poses[numbers[1, :n], :3, 3], places[:n])
+        visible = self._visible(poses, numbers[1, :n], places[:n])
         tip_deg = np.full(len(short), 90.0)
         np.minimum.at(tip_deg, numbers[0, :n][visible], angles[:n][visible])
         return tip_deg
@@ -793,10 +793,16 @@ class ImageCheck:
         each = np.column_stack([pairs[seen.of[arms] // 2, 0], np.arange(len(arms))])
         return ~self._has_near(cam2world, each, looked, self.showing.separation_px)[inverse]
 
-    def _visible(self, eyes: Array, places: Array) -> NDArray[np.bool_]:
+    def _visible(
+        self, cam2world: Array, rows: NDArray[np.int64], places: Array
+    ) -> NDArray[np.bool_]:
+        """Return which places (q, 3) nothing hides from the poses (q,) of these rows."""
         if not len(places):
             return np.zeros(0, bool)
-        return ~self.scene.blocked(eyes, places - eyes, 1.0 - _SHORT)
+        rays = np.empty((len(places), 6), np.float32)
+        poses = np.ascontiguousarray(cam2world, np.float64)
+        rays_to(poses, np.ascontiguousarray(rows), places, self.scene.centre, rays)
+        return ~self.scene.are_blocked(rays, 1.0 - _SHORT)
 
 
 def near_own_px(showing: Detectability) -> float:

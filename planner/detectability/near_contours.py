@@ -34,6 +34,8 @@ _NEWTON_STEPS = 3
 _LONGER = 2.0
 # what is nearer than this to the plane of the nodal point is cut off, mm
 _NEAREST_MM = 1e-3
+# if only some visible point of a pair is asked for, one of so many is looked at first
+_EVERY = 6
 
 
 @entry_kernel(error_model="numpy")
@@ -124,6 +126,59 @@ def near_contours(
             contour = (line, (a, b), relation, extra[i], reach, n_samples)
             count = _write_contour(p, contour, near, curve, place, found, count)
     return count
+
+
+@entry_kernel(error_model="numpy")
+def choose_tested(
+    pair: Any, distance: Any, reach: float, is_first: bool, has: Any, rows: Any
+) -> int:
+    """Write which near points are looked at if some visible one of a pair is enough; return how many there are.
+
+    Parameters
+    ----------
+    pair : array of int (c,)
+        Which pair each point is near to.
+    distance : array (c,)
+        How near, px.
+    reach : float
+        How near a point has to be.
+    is_first : bool
+        Whether these are the first that are looked at, or the others.
+    has : array of bool (p,)
+        Pairs that have a visible point.
+    rows : array of int (c,)
+        To be written.
+    """
+    count = 0
+    for c in range(len(pair)):
+        rows[count] = c
+        # no branch, as it would be guessed wrong too often
+        count += (distance[c] < reach) & ((c % _EVERY == 0) == is_first) & (not has[pair[c]])
+    return count
+
+
+@entry_kernel(error_model="numpy")
+def rays_to(poses: Any, rows: Any, places: Any, centre: Any, rays: Any) -> None:
+    """Write rays from cameras to places, as `RayScene.are_blocked` takes them.
+
+    Parameters
+    ----------
+    poses : array (n, 4, 4)
+        Cam2world.
+    rows : array of int (q,)
+        The pose of each ray.
+    places : array (q, 3)
+        Where they go, mm.
+    centre : array (3,)
+        See `RayScene`.
+    rays : array of float32 (q, 6)
+        To be written.
+    """
+    for q in range(len(rows)):
+        for i in range(3):
+            eye = poses[rows[q], i, 3]
+            rays[q, i] = eye - centre[i]
+            rays[q, 3 + i] = places[q, i] - eye
 
 
 @kernel_without_refcounts(error_model="numpy")
