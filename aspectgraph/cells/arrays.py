@@ -431,9 +431,14 @@ def cell_sizes(cx: Complex, cells: np.ndarray) -> np.ndarray:
 
 @entry_kernel
 def _spans(cx, cells, directions):
-    low = np.full(len(directions), np.inf)
-    high = np.full(len(directions), -np.inf)
-    for c in cells:
+    spans = np.empty((len(cells), 2, len(directions)))
+    for i in range(len(cells)):
+        c = cells[i]
+        low = spans[i, 0]
+        high = spans[i, 1]
+        for row in range(len(directions)):
+            low[row] = np.inf
+            high[row] = -np.inf
         for k in range(cx.cell[c, CELL_FIRST], cx.cell[c, CELL_FIRST] + cx.cell[c, CELL_SIZE]):
             f = cx.lists[FACE_LIST, k]
             for m in range(cx.face[f, FACE_FIRST], cx.face[f, FACE_FIRST] + cx.face[f, FACE_SIZE]):
@@ -445,12 +450,12 @@ def _spans(cx, cells, directions):
                             along += directions[row, axis] * corner[axis]
                         low[row] = min(low[row], along)
                         high[row] = max(high[row], along)
-    return low, high
+    return spans
 
 
 def spans(cx: Complex, cells: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Least and largest product of the cells' corners, in grid steps, with each of (m, 3) directions, shape (2, m)."""
-    return np.array(_spans(cx, np.asarray(cells, np.int64), np.ascontiguousarray(directions)))
+    """Least and largest product of each cell's corners, in grid steps, with each of (m, 3) directions; (n, 2, m)."""
+    return np.asarray(_spans(cx, np.asarray(cells, np.int64), np.ascontiguousarray(directions)))
 
 
 @entry_kernel
@@ -838,6 +843,14 @@ class CellSet:
         return CellSet(self._cx, self._cells[reaching], self._grid)
 
     @cached_property
+    def boxes(self) -> np.ndarray:
+        """Lowest and highest corner of the box around each cell in mm, shape (n, 2, 3)."""
+        grid = self._grid
+        return spans(self._cx, self._cells, grid.frame.T * grid.steps_mm) + turned(
+            grid.frame.T, grid.origin_mm
+        )
+
+    @property
     def bounds(self) -> np.ndarray:
         """Lowest and highest corner in mm, shape (2, 3).
 
@@ -848,10 +861,7 @@ class CellSet:
         """
         if not len(self):
             raise ValueError("bounds need at least one cell. The set is empty.")
-        grid = self._grid
-        return spans(self._cx, self._cells, grid.frame.T * grid.steps_mm) + turned(
-            grid.frame.T, grid.origin_mm
-        )
+        return np.array([self.boxes[:, 0].min(axis=0), self.boxes[:, 1].max(axis=0)])
 
     def contains(self, points: ArrayLike) -> np.ndarray:
         """Whether the closed set contains points, exactly.

@@ -84,6 +84,11 @@ class RayScene:
         Vertex numbers, outward counter-clockwise.
     n_threads : int
         Threads for each call; 0: one for each processor.
+
+    Attributes
+    ----------
+    centre : array (3,)
+        Where the triangles' own frame has its origin, mm.
     """
 
     def __init__(self, vertices: ArrayLike, triangles: ArrayLike, n_threads: int = 0) -> None:
@@ -92,10 +97,10 @@ class RayScene:
 
         corners = np.asarray(vertices, dtype=np.float64)
         # float32 loses digits far from the origin, so everything is computed around the triangles' own centre
-        self._centre = (corners.min(axis=0) + corners.max(axis=0)) / 2
+        self.centre = (corners.min(axis=0) + corners.max(axis=0)) / 2
         self._n_threads = n_threads
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=n_threads)
-        self._scene.add_triangles(_packed(corners - self._centre), _packed(triangles, np.uint32))
+        self._scene.add_triangles(_packed(corners - self.centre), _packed(triangles, np.uint32))
 
     def cast(self, origins: ArrayLike, directions: np.ndarray) -> dict[str, np.ndarray]:
         """Return what each ray hits first.
@@ -130,19 +135,31 @@ class RayScene:
         -------
         ndarray of bool, shape (...)
         """
-        rays = self._rays(origins, directions)
-        hits = self._scene.test_occlusions(rays, 0.0, up_to, nthreads=self._n_threads)
+        return self.are_blocked(self._rays(origins, directions), up_to)
+
+    def are_blocked(self, rays: np.ndarray, up_to: float = 1.0) -> np.ndarray:
+        """Return what `blocked` does for rays that are ready.
+
+        Parameters
+        ----------
+        rays : ndarray of float32, shape (..., 6)
+            Where they start, from `centre`, and where they go.
+        up_to : float
+            How far they go, in lengths of the directions.
+        """
+        packed: Any = rays
+        hits = self._scene.test_occlusions(packed, 0.0, up_to, nthreads=self._n_threads)
         return np.asarray(hits.numpy())
 
     def _rays(self, origins: ArrayLike, directions: np.ndarray) -> Any:
         rays = np.empty((*directions.shape[:-1], 6), dtype=np.float32)
-        rays[..., :3] = np.asarray(origins, dtype=np.float64) - self._centre
+        rays[..., :3] = np.asarray(origins, dtype=np.float64) - self.centre
         rays[..., 3:] = directions
         return rays
 
     def signed_distance(self, points: ArrayLike) -> np.ndarray:
         """Return the distance (n,) in mm of points (n, 3) to a closed surface, negative inside."""
-        local = _packed(np.asarray(points, dtype=np.float64) - self._centre)
+        local = _packed(np.asarray(points, dtype=np.float64) - self.centre)
         if not len(local):
             return np.empty(0)
         distance = self._scene.compute_signed_distance(local, nsamples=3, nthreads=self._n_threads)

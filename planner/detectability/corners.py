@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from math import acos, atan2, degrees, hypot, radians, tan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -166,79 +167,6 @@ def _has_round_wall(contours: Contours, at: Meeting, own: NDArray[np.int64]) -> 
     return any(not contours.kinds[e] & SHARP for e in between)
 
 
-# Which lines at the ends of entities show in images, as far as their own two faces do not hide
-# them; compiled.
-
-
-# for dividing by a depth
-_TINY = 1e-9
-
-
-@entry_kernel(error_model="numpy")
-def arm_images(poses: Any, pairs: Any, scale: Any, lines: Any, arms: Any, found: Any) -> int:
-    """Write which arms show in images, in the order of pairs and arms; return how many there are.
-
-    Parameters
-    ----------
-    poses : array (n, 4, 4)
-        Cam2world.
-    pairs : array of int (p, 2)
-        Pose and entity.
-    scale : array (4,)
-        Pixels per unit of slope in x and y, and the principal point, px.
-    lines : tuple
-        `PartLines.compiled`.
-    arms : tuple
-        Where those of each entity begin (k + 1,), their contours (a,), corners, tips and other ends of the entities
-        (3, a, 3).
-    found : tuple
-        To be written: number of the pair and of the arm (q, 2), images in px and depths in mm of the three (3, q, 3).
-    """
-    first, contour, points = arms
-    numbers, images = found
-    planes = lines[2]
-    faces = lines[3]
-    kinds = lines[4]
-    count = 0
-    for p in range(len(pairs)):
-        pose = poses[pairs[p, 0]]
-        k = pairs[p, 1]
-        for a in range(first[k], first[k + 1]):
-            e = contour[a]
-            front = 0
-            for f in faces[e]:
-                side = (
-                    planes[0, f] * pose[0, 3]
-                    + planes[1, f] * pose[1, 3]
-                    + planes[2, f] * pose[2, 3]
-                )
-                front += side > planes[3, f]
-            if not SHOWS[kinds[e], front]:
-                continue
-            before = True
-            for i in range(3):
-                before &= _image(pose, scale, points[i, a], images[i, count])
-            if before:
-                numbers[count, 0] = p
-                numbers[count, 1] = a
-                count += 1
-    return count
-
-
-@kernel_without_refcounts(error_model="numpy")
-def _image(pose: Any, scale: Any, point: Any, image: Any) -> bool:
-    """Write the image of a point in px, and its depth in mm; return whether it is in front of the camera."""
-    x = point[0] - pose[0, 3]
-    y = point[1] - pose[1, 3]
-    z = point[2] - pose[2, 3]
-    depth = pose[0, 2] * x + pose[1, 2] * y + pose[2, 2] * z
-    safe = max(depth, _TINY)
-    image[0] = (pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z) / safe * scale[0] + scale[2]
-    image[1] = (pose[0, 1] * x + pose[1, 1] * y + pose[2, 1] * z) / safe * scale[1] + scale[3]
-    image[2] = depth
-    return depth > 0.0
-
-
 Array = NDArray[np.float64]
 
 # an arm is looked at so far from the corner, px, and at most at this share of its length
@@ -250,6 +178,9 @@ FITTED_PX = 28.0
 _BLURRED_PX = 1.5
 # for dividing by a tangent
 _LEAST_DEG = 1e-3
+
+
+# Which edges leave the ends of entities, on the part.
 
 
 class Arms(NamedTuple):
@@ -336,39 +267,33 @@ def arms_of(
 
 
 class SeenArms(NamedTuple):
-    """Arms (q) in images, as far as an edge's own two faces do not hide them.
+    """Arms (q) in images, as far as an edge's own two faces do not hide them, in the order of the ends.
 
     Attributes
     ----------
-    angle : array (q,)
-        From the edge, at its end, to the arm, 0 to 180 degrees.
-    place : array (q, 3)
-        A point of the arm near the end, mm.
     of : array of int (q,)
         Number of the pair, doubled, and the end.
-    wide : array of bool (q,)
-        As of the arms.
     arm : array of int (q,)
         Their numbers.
+    angle : array (q,)
+        From the edge, at its end, to the arm, 0 to 180 degrees.
     length_px : array (q,)
         Of the whole arm in the image.
-    last : array (q, 3)
-        Where the arm is `FITTED_PX` from the corner, or ends, mm.
-    tip_deg : array (q,)
-        The least angle at which another line comes back from its tip, 90 degrees if none does or it is far.
     direction : array (q,)
         Of the arm in the image, degrees.
+    place : array (q, 3)
+        A point of the arm near the end, mm.
+    last : array (q, 3)
+        Where the arm is `FITTED_PX` from the corner, or ends, mm.
     """
 
-    angle: Array
-    place: Array
     of: NDArray[np.int64]
-    wide: NDArray[np.bool_]
     arm: NDArray[np.int64]
+    angle: Array
     length_px: Array
-    last: Array
     direction: Array
-    tip_deg: Array
+    place: Array
+    last: Array
 
     @property
     def bend(self) -> Array:
@@ -379,164 +304,358 @@ class SeenArms(NamedTuple):
         """Return some of them."""
         return SeenArms(*(field[which] for field in self))
 
-    def fork_deg(self) -> Array:
-        """Return the least angle (q,) of each arm with the edge's line or another arm at its end, 0 to 90 degrees.
 
-        Arms have to be in the order of their ends.
-        """
-        smallest = self.bend
-        for apart in range(1, int(np.bincount(self.of).max(initial=0))):
-            near = np.flatnonzero(self.of[apart:] == self.of[:-apart])
-            between = np.abs(
-                (self.direction[near + apart] - self.direction[near] + 180.0) % 360.0 - 180.0
-            )
-            np.minimum.at(smallest, near, between)
-            np.minimum.at(smallest, near + apart, between)
-        return smallest
-
-    def long_enough(self, fork_deg: Array, separation_px: float) -> NDArray[np.bool_]:
-        """Return which arms (q,) leave enough of themselves for a line fit.
-
-        Points of a line are found across it, to so many pixels on either side. So where another line leaves at an angle
-        α, the first s / tan α of an arm show that one, too, and so do the last ones where a line comes back from its
-        tip. As much as the first again is needed between, and two separations at least.
-
-        Parameters
-        ----------
-        fork_deg : array (q,)
-            See `fork_deg`.
-        separation_px : float
-            s.
-        """
-        mixed = mixed_px(fork_deg, separation_px)
-        clear_px = self.length_px - mixed - mixed_px(self.tip_deg, separation_px)
-        return np.asarray(clear_px >= np.maximum(2.0 * separation_px, mixed))
+# What of them shows in images, and which of it is long enough for a fit; compiled.
+#
+# Points of a line are found across it, to so many pixels on either side: s. So where another line
+# leaves at an angle α, the first s / tan α of an arm show that one, too, and so do the last ones
+# where a line comes back from its tip. As much as the first again is needed between, and 2 s at
+# least. Lines are blurred, so that s counts as a little more there.
 
 
-def mixed_px(fork_deg: Array, separation_px: float) -> Array:
-    """Return how long another line, which leaves at an angle, shows within the separation s across a line: s / tan α.
-
-    Lines are blurred, so s is a little more than is asked of other lines; nothing where nothing is asked.
-    """
-    across = separation_px + _BLURRED_PX if separation_px > 0 else 0.0
-    return np.asarray(across / np.tan(np.radians(np.maximum(fork_deg, _LEAST_DEG))))
+# for dividing by a depth
+_TINY = 1e-9
 
 
-def corner_arms(
-    cam2world: Array, pairs: NDArray[np.int64], scale: Array, lines: Any, arms: Arms
-) -> SeenArms:
-    """Return what leaves the ends of entities in the image.
+@entry_kernel(error_model="numpy")
+def arm_images(poses: Any, pairs: Any, scale: Any, lines: Any, arms: Any, found: Any) -> int:
+    """Write which arms show in images, in the order of pairs and arms; return how many there are.
 
     Parameters
     ----------
-    cam2world : array (n, 4, 4)
-        Poses.
+    poses : array (n, 4, 4)
+        Cam2world.
     pairs : array of int (p, 2)
         Pose and entity.
     scale : array (4,)
         Pixels per unit of slope in x and y, and the principal point, px.
-    lines : tuple of array
-        `PartLines.compiled` of the part.
-    arms : Arms
-        Of the entities.
+    lines : tuple
+        `PartLines.compiled`.
+    arms : tuple
+        Where those of each entity begin (k + 1,), the end that each leaves, its contour (a,), and corners, tips and
+        other ends of the entities (3, a, 3).
+    found : tuple
+        To be written: `SeenArms.of` and `arm` (2, q), `angle`, `length_px` and `direction` (3, q), `place` and `last`
+        (2, q, 3).
     """
-    poses = np.array(cam2world, np.float64, order="C")
-    pairs = np.ascontiguousarray(pairs)
-    n_longest = int((arms.first[pairs[:, 1] + 1] - arms.first[pairs[:, 1]]).sum())
-    numbers = np.empty((n_longest, 2), np.int64)
-    points_found = np.empty((3, n_longest, 3))
-    points = np.stack([arms.corner, arms.tip, arms.inward])
-    n = arm_images(
-        poses, pairs, scale, lines, (arms.first, arms.contour, points), (numbers, points_found)
-    )
-    pair = numbers[:n, 0]
-    arm = numbers[:n, 1]
-    (corner, tip, inward) = points_found[:, :n]
-    along = tip[:, :2] - corner[:, :2]
-    edge = inward[:, :2] - corner[:, :2]
-    length = np.linalg.norm(along, axis=1)
-    ends = (arms.corner[arm], arms.tip[arm])
-    depths = (corner[:, 2], tip[:, 2])
-    near = _place(ends, depths, _near_share(length))
-    last = _place(ends, depths, np.minimum(1.0, FITTED_PX / np.maximum(length, _TINY)))
-    direction = np.degrees(np.arctan2(along[:, 1], along[:, 0]))
-    no_line = np.full(len(arm), 90.0)
-    angle = _angle_deg(along, edge)
-    return SeenArms(
-        angle, near, 2 * pair + arms.end[arm], arms.wide[arm], arm, length, last, direction, no_line
-    )
+    first, end, contour, points = arms
+    numbers, values, places = found
+    corner = np.empty(3)
+    tip = np.empty(3)
+    inward = np.empty(3)
+    count = 0
+    for p in range(len(pairs)):
+        pose = poses[pairs[p, 0]]
+        k = pairs[p, 1]
+        for a in range(first[k], first[k + 1]):
+            if not _shows(pose, lines, contour[a]):
+                continue
+            before = _image(pose, scale, points[0, a], corner)
+            before &= _image(pose, scale, points[1, a], tip)
+            before &= _image(pose, scale, points[2, a], inward)
+            if not before:
+                continue
+            numbers[0, count] = 2 * p + end[a]
+            numbers[1, count] = a
+            x = tip[0] - corner[0]
+            y = tip[1] - corner[1]
+            length = hypot(x, y)
+            values[0, count] = _angle_deg(x, y, inward[0] - corner[0], inward[1] - corner[1])
+            values[1, count] = length
+            values[2, count] = degrees(atan2(y, x))
+            near = _near_share(length)
+            _put_between(points[0, a], points[1, a], corner[2], tip[2], near, places[0, count])
+            last = min(1.0, FITTED_PX / max(length, _TINY))
+            _put_between(points[0, a], points[1, a], corner[2], tip[2], last, places[1, count])
+            count += 1
+    return count
 
 
+@entry_kernel(error_model="numpy")
 def tip_lines(
-    poses: Array, scale: Array, contours: Contours, arms: Arms, arm: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], Array, Array]:
-    """Return what comes back from the tips of arms in images.
+    poses: Any, pairs: Any, scale: Any, lines: Any, arms: Any, seen: Any, found: Any
+) -> int:
+    """Write what comes back from the tips of arms in images, under 90 degrees; return how much that is.
 
     Parameters
     ----------
-    poses : array (q, 4, 4)
-        From where each arm is seen.
-    scale : array (4,)
-        Pixels per unit of slope in x and y, and the principal point, px.
-    contours, arms : Contours, Arms
-        Of the part and the entities.
-    arm : array of int (q,)
-        Numbers of the arms.
-
-    Returns
-    -------
-    of : array of int (b,)
-        Which of the q arms a line comes back from, as far as its own two faces do not hide it.
-    angle : array (b,)
-        Between arm and line, under 90 degrees.
-    place : array (b, 3)
-        A point of the line near the tip, mm.
+    poses, pairs, scale, lines
+        As `arm_images` takes them.
+    arms : tuple
+        `Arms.beyond`, and corners, tips and other ends of the entities (3, a, 3).
+    seen : tuple
+        `SeenArms.of` and `arm`, and which of them (q,) are looked at.
+    found : tuple
+        To be written: which arm and pose (2, b), the angle in degrees (b,), and a point of the line near the tip
+        (b, 3). Lines that their own two faces hide are left out.
     """
-    of, column = np.nonzero(arms.beyond[arm] >= 0)
-    contour = arms.beyond[arm[of], column]
-    shown = _shown(contours, contour, poses[of, :3, 3])
-    of = of[shown]
-    contour = contour[shown]
-    tips = arms.tip[arm[of]]
-    ends = contours.vertices[contours.ends[contour]]
-    second = np.linalg.norm(ends[:, 0] - tips, axis=1) < np.linalg.norm(ends[:, 1] - tips, axis=1)
-    far = np.where(second[:, None], ends[:, 1], ends[:, 0])
-    corner, tip, other = (
-        images(poses[of], scale, points) for points in (arms.corner[arm[of]], tips, far)
-    )
-    back = corner[:, :2] - tip[:, :2]
-    line = other[:, :2] - tip[:, :2]
-    angle = _angle_deg(back, line)
-    place = _place((tips, far), (tip[:, 2], other[:, 2]), _near_share(np.linalg.norm(line, axis=1)))
-    beside = (angle < 90.0) & (other[:, 2] > 0)
-    return of[beside], angle[beside], place[beside]
+    beyond, points = arms
+    of, arm, among = seen
+    numbers, angles, places = found
+    vertices = lines[0]
+    ends = lines[1]
+    corner = np.empty(3)
+    tip = np.empty(3)
+    other = np.empty(3)
+    far = np.empty(3)
+    count = 0
+    for q in range(len(of)):
+        if not among[q]:
+            continue
+        pose = poses[pairs[of[q] // 2, 0]]
+        a = arm[q]
+        _image(pose, scale, points[0, a], corner)
+        _image(pose, scale, points[1, a], tip)
+        for column in range(beyond.shape[1]):
+            e = beyond[a, column]
+            if e < 0 or not _shows(pose, lines, e):
+                continue
+            _put_other_end(vertices, ends[e, 0], ends[e, 1], points[1, a], far)
+            before = _image(pose, scale, far, other)
+            x = other[0] - tip[0]
+            y = other[1] - tip[1]
+            angle = _angle_deg(corner[0] - tip[0], corner[1] - tip[1], x, y)
+            if not before or angle >= 90.0:
+                continue
+            numbers[0, count] = q
+            numbers[1, count] = pairs[of[q] // 2, 0]
+            angles[count] = angle
+            share = _near_share(hypot(x, y))
+            _put_between(points[1, a], far, tip[2], other[2], share, places[count])
+            count += 1
+    return count
 
 
-def _near_share(length_px: Array) -> Array:
-    return np.asarray(np.minimum(_ALONG, _ALONG_PX / np.maximum(length_px, _TINY)))
+@entry_kernel(error_model="numpy")
+def drop_mixed(
+    seen: Any, wide: Any, separation_px: float, visible: Any, fork_deg: Any, sharpest: Any
+) -> None:
+    """Drop arms that are too short beside those that leave the same end.
+
+    Parameters
+    ----------
+    seen : tuple
+        `SeenArms.of`, `arm`, `angle`, `length_px` and `direction` (q,).
+    wide : array of bool (a,)
+        See `Arms`; others are dropped, too.
+    separation_px : float
+        s.
+    visible : array of bool (q,)
+        Which arms there are. Those that are too short are taken out.
+    fork_deg : array (q,)
+        To be written: the least angle of each with the edge's line or another arm at its end, 0 to 90 degrees.
+    sharpest : array (2 p,)
+        To be lowered: the least angle at each end.
+    """
+    of, arm, angle, length_px, direction = seen
+    start = 0
+    while start < len(of):
+        stop = start
+        while stop < len(of) and of[stop] == of[start]:
+            if visible[stop]:
+                sharpest[of[stop]] = min(sharpest[of[stop]], angle[stop])
+                fork_deg[stop] = min(angle[stop], 180.0 - angle[stop])
+            stop += 1
+        for i in range(start, stop):
+            for j in range(i + 1, stop):
+                if visible[i] and visible[j]:
+                    between = abs((direction[j] - direction[i] + 180.0) % 360.0 - 180.0)
+                    fork_deg[i] = min(fork_deg[i], between)
+                    fork_deg[j] = min(fork_deg[j], between)
+        for i in range(start, stop):
+            visible[i] &= wide[arm[i]] and _is_long_enough(
+                length_px[i], fork_deg[i], 90.0, separation_px
+            )
+        start = stop
 
 
-def _place(ends: tuple[Array, Array], depths: tuple[Array, Array], share: Array) -> Array:
-    """Return the points (q, 3) whose images are at shares of the way between those of two ends."""
-    share = share * depths[0] / ((1 - share) * depths[1] + share * depths[0])
-    return np.asarray(ends[0] + share[:, None] * (ends[1] - ends[0]))
+@entry_kernel(error_model="numpy")
+def drop_short(
+    length_px: Any, fork_deg: Any, tip_deg: Any, separation_px: float, visible: Any
+) -> None:
+    """Drop arms that are too short between other lines at their end and at their tip; see `drop_mixed`."""
+    for q in range(len(length_px)):
+        visible[q] &= _is_long_enough(length_px[q], fork_deg[q], tip_deg[q], separation_px)
 
 
-def _angle_deg(one: Array, other: Array) -> Array:
-    length = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
-    cosine = (one * other).sum(axis=1) / np.maximum(length, _TINY)
-    return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+@entry_kernel(error_model="numpy")
+def find_hopeful(
+    of: Any, angle: Any, visible: Any, required_deg: float, sharpest: Any, hopeful: Any
+) -> None:
+    """Write which visible arms may make a corner, of edges that may have one at both ends.
+
+    Parameters
+    ----------
+    of, angle
+        See `SeenArms`.
+    visible : array of bool (q,)
+        Which arms there are.
+    required_deg : float
+        How wide a corner is asked for.
+    sharpest : array (2 p,)
+        The least angle at each end.
+    hopeful : array of bool (q,)
+        To be written.
+    """
+    has = np.zeros(len(sharpest), np.bool_)
+    for q in range(len(of)):
+        bend = min(angle[q], 180.0 - angle[q])
+        if visible[q] and bend >= required_deg and sharpest[of[q]] >= required_deg:
+            has[of[q]] = True
+    for q in range(len(of)):
+        bend = min(angle[q], 180.0 - angle[q])
+        # ends have the numbers 2 p and 2 p + 1
+        both = has[of[q]] and has[of[q] ^ 1]
+        hopeful[q] = both and visible[q] and bend >= required_deg
 
 
-def _shown(contours: Contours, contour: NDArray[np.int64], eyes: Array) -> NDArray[np.bool_]:
-    """Return which contours their own two faces leave to be seen from eyes (a, 3)."""
-    planes = contours.planes[contours.faces[contour]]
-    front = (np.einsum("afk,ak->af", planes[..., :3], eyes) > planes[..., 3]).sum(axis=1)
-    return np.asarray(SHOWS[contours.kinds[contour], front] > 0)
+@entry_kernel(error_model="numpy")
+def rank_arms(of: Any, angle: Any, visible: Any, hopeful: Any, found: Any) -> None:
+    """Write the hopeful arms of each end in falling order of their bends.
+
+    Parameters
+    ----------
+    of, angle
+        See `SeenArms`.
+    visible, hopeful : array of bool (q,)
+        Which arms there are, and which of them may make a corner.
+    found : tuple
+        To be written: the arms (h,), where those of each end begin (2 p + 1,), and the largest bend of the other
+        visible arms of each end (2 p,).
+    """
+    ranked, first, widest = found
+    count = 0
+    q = 0
+    for end in range(len(widest)):
+        first[end] = count
+        while q < len(of) and of[q] == end:
+            bend = min(angle[q], 180.0 - angle[q])
+            if hopeful[q]:
+                place = count
+                while place > first[end]:
+                    before = ranked[place - 1]
+                    if min(angle[before], 180.0 - angle[before]) >= bend:
+                        break
+                    ranked[place] = before
+                    place -= 1
+                ranked[place] = q
+                count += 1
+            elif visible[q]:
+                widest[end] = max(widest[end], bend)
+            q += 1
+    first[len(widest)] = count
 
 
-def images(poses: Array, scale: Array, points: Array) -> Array:
-    """Return images in px and depths in mm (a, 3) of points (a, 3) from poses (a, 4, 4); see `corner_arms`."""
-    local = np.einsum("aik,ai->ak", poses[:, :3, :3], points - poses[:, :3, 3])
-    depth = np.maximum(local[:, 2:], _TINY)
-    return np.concatenate([local[:, :2] / depth * scale[:2] + scale[2:], local[:, 2:]], axis=1)
+@entry_kernel(error_model="numpy")
+def corner_widths(
+    poses: Any, pairs: Any, scale: Any, ends: Any, separation_px: float, angles: Any, widths: Any
+) -> None:
+    """Write how wide the narrower corner of each edge is, degrees.
+
+    It is 0 where what other lines at both ends are beside of leaves less than two separations of the edge.
+
+    Parameters
+    ----------
+    poses, pairs, scale
+        As `arm_images` takes them.
+    ends : array (k, 2, 3)
+        Of the edges, mm.
+    separation_px : float
+        s.
+    angles : array (2, 2 p)
+        The widest bend and the sharpest angle at each end, degrees.
+    widths : array (p,)
+        To be written.
+    """
+    start = np.empty(3)
+    stop = np.empty(3)
+    for p in range(len(pairs)):
+        pose = poses[pairs[p, 0]]
+        _image(pose, scale, ends[pairs[p, 1], 0], start)
+        _image(pose, scale, ends[pairs[p, 1], 1], stop)
+        clear_px = hypot(stop[0] - start[0], stop[1] - start[1])
+        narrowest = 90.0
+        for end in range(2 * p, 2 * p + 2):
+            clear_px -= mixed_px(angles[1, end], separation_px)
+            narrowest = min(narrowest, min(angles[0, end], angles[1, end]))
+        widths[p] = narrowest if clear_px >= 2.0 * separation_px else 0.0
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _shows(pose: Any, lines: Any, e: int) -> bool:
+    """Return whether a contour's own two faces leave it to be seen from a camera."""
+    planes = lines[2]
+    faces = lines[3]
+    front = 0
+    for i in range(2):
+        f = faces[e, i]
+        side = planes[0, f] * pose[0, 3] + planes[1, f] * pose[1, 3] + planes[2, f] * pose[2, 3]
+        front += side > planes[3, f]
+    return bool(SHOWS[lines[4][e], front])
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _image(pose: Any, scale: Any, point: Any, image: Any) -> bool:
+    """Write the image of a point in px, and its depth in mm; return whether it is in front of the camera."""
+    x = point[0] - pose[0, 3]
+    y = point[1] - pose[1, 3]
+    z = point[2] - pose[2, 3]
+    depth = pose[0, 2] * x + pose[1, 2] * y + pose[2, 2] * z
+    safe = max(depth, _TINY)
+    image[0] = (pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z) / safe * scale[0] + scale[2]
+    image[1] = (pose[0, 1] * x + pose[1, 1] * y + pose[2, 1] * z) / safe * scale[1] + scale[3]
+    image[2] = depth
+    return depth > 0.0
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _angle_deg(x: float, y: float, other_x: float, other_y: float) -> float:
+    """Return the angle between two directions in the image, degrees."""
+    length = hypot(x, y) * hypot(other_x, other_y)
+    cosine = (x * other_x + y * other_y) / max(length, _TINY)
+    return degrees(acos(min(max(cosine, -1.0), 1.0)))
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _near_share(length_px: float) -> float:
+    """Return at which share of an arm's image it is looked at."""
+    return min(_ALONG, _ALONG_PX / max(length_px, _TINY))
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _put_between(
+    start: Any, stop: Any, depth: float, depth_there: float, share: float, place: Any
+) -> None:
+    """Write the point (3,) whose image is at a share of the way between those of two points at some depths."""
+    share = share * depth / ((1.0 - share) * depth_there + share * depth)
+    for i in range(3):
+        place[i] = start[i] + share * (stop[i] - start[i])
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _put_other_end(vertices: Any, v: int, w: int, tip: Any, far: Any) -> None:
+    """Write the end (3,) of a contour between two vertices that is not the tip of an arm."""
+    to_v = 0.0
+    to_w = 0.0
+    for i in range(3):
+        to_v += (vertices[i, v] - tip[i]) ** 2
+        to_w += (vertices[i, w] - tip[i]) ** 2
+    for i in range(3):
+        far[i] = vertices[i, w] if to_v < to_w else vertices[i, v]
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _is_long_enough(
+    length_px: float, fork_deg: float, tip_deg: float, separation_px: float
+) -> bool:
+    """Return whether an arm leaves enough of itself for a line fit; see above."""
+    mixed = mixed_px(fork_deg, separation_px)
+    clear_px = length_px - mixed - mixed_px(tip_deg, separation_px)
+    return clear_px >= max(2.0 * separation_px, mixed)
+
+
+@kernel_without_refcounts(error_model="numpy")
+def mixed_px(fork_deg: float, separation_px: float) -> float:
+    """Return how long another line, which leaves at an angle, shows within s across a line; 0 if nothing is asked."""
+    across = separation_px + _BLURRED_PX if separation_px > 0.0 else 0.0
+    return across / tan(radians(max(fork_deg, _LEAST_DEG)))

@@ -27,16 +27,19 @@ from planner.detectability.corners import (
     SHARP,
     Contours,
     SeenArms,
+    arm_images,
     arms_of,
     contours_of,
-    corner_arms,
-    images,
+    corner_widths,
+    drop_mixed,
+    drop_short,
+    find_hopeful,
     meeting,
-    mixed_px,
+    rank_arms,
     relation_to,
     tip_lines,
 )
-from planner.detectability.near_contours import near_contours
+from planner.detectability.near_contours import choose_tested, near_contours, rays_to
 from planner.detectability.vicinity import PartPieces, Vicinity
 from planner.executors import check_on_the_way
 
@@ -342,8 +345,6 @@ _OVER = 1e-6
 _LEAST_MM = 1e-12
 # of a depth of field without end so many times its near limit counts
 _FAR = 10.0
-# if only some visible point of a pair is asked for, one of so many is looked at first
-_EVERY = 6
 # of the sensor, where distortion is looked at along each side; and how much more it may be between and beside these
 _GRID = 33
 _WIDER = 1.1
@@ -417,6 +418,7 @@ class ImageCheck:
         self.arms = arms_of(
             self.contours, self._part.at, self._entities.relations, self._ends, self._has_corners
         )
+        self._arm_points = np.stack([self.arms.corner, self.arms.tip, self.arms.inward])
         # the same line may leave several entities
         lines, self._line_of_arm = np.unique(self.arms.contour, return_inverse=True)
         # and from the same end, when it is the same arm
@@ -519,7 +521,7 @@ class ImageCheck:
         pieces = self._pieces.of_pairs(pairs)
         piece, distance, place = self._near(cam2world, pieces.rows, self._piece_lines, reach)
         apart = np.full(len(pieces.rows), reach)
-        visible = self._visible(cam2world[pieces.rows[piece, 0], :3, 3], place)
+        visible = self._visible(cam2world, pieces.rows[piece, 0], place)
         np.minimum.at(apart, piece[visible], distance[visible])
         return pieces.least_distance(apart)
 
@@ -529,12 +531,14 @@ class ImageCheck:
         """Return to what (p,) other visible lines come nearer than `reach` px: fewer rays than for how near."""
         pair, distance, place = self._near(cam2world, pairs, looked, reach)
         has = np.zeros(len(pairs), bool)
-        near = distance < reach
-        first = np.arange(len(pair)) % _EVERY == 0
-        for batch in (first, ~first):
-            tested = np.flatnonzero(near & batch & ~has[pair])
-            visible = self._visible(cam2world[pairs[pair[tested], 0], :3, 3], place[tested])
-            has[pair[tested[visible]]] = True
+        poses = np.ascontiguousarray(pairs[:, 0])
+        rows = np.empty(len(pair), np.int64)
+        for is_first in (True, False):
+            n = choose_tested(pair, distance, reach, is_first, has, rows)
+            tested = rows[:n]
+            of = pair[tested]
+            visible = self._visible(cam2world, poses[of], place[tested])
+            has[of[visible]] = True
         return has
 
     def _near(
@@ -653,86 +657,118 @@ class ImageCheck:
         pairs : array of int (p, 2)
             Pose and entity, in rising order of the poses.
         """
-        seen, _, candidates = self._long_arms(cam2world, pairs, self._leaving(cam2world, pairs))
-        far = np.ones(len(seen.of), bool)
-        far[candidates] = self._far(cam2world, pairs, seen, candidates)
-        return seen.chosen(far & (seen.bend >= self.showing.min_corner_deg))
+        poses = np.array(cam2world, np.float64, order="C")
+        pairs = np.ascontiguousarray(pairs)
+        seen, visible = self._leaving(poses, pairs)
+        _, hopeful = self._drop_short(poses, pairs, seen, visible)
+        candidates = np.flatnonzero(hopeful)
+        visible[candidates] = self._far(poses, pairs, seen, candidates)
+        return seen.chosen(visible & (seen.bend >= self.showing.min_corner_deg))
 
-    def _leaving(self, cam2world: Array, pairs: Pairs) -> SeenArms:
-        seen = corner_arms(cam2world, pairs, self._scale, self._part.compiled, self.arms)
-        return seen.chosen(self._visible(cam2world[pairs[seen.of // 2, 0], :3, 3], seen.place))
+    def _leaving(self, poses: Array, pairs: Pairs) -> tuple[SeenArms, NDArray[np.bool_]]:
+        """Return the arms that their own two faces do not hide, and which of them nothing hides."""
+        arms = self.arms
+        first = arms.first
+        n_most = int((first[pairs[:, 1] + 1] - first[pairs[:, 1]]).sum())
+        numbers = np.empty((2, n_most), np.int64)
+        values = np.empty((3, n_most))
+        places = np.empty((2, n_most, 3))
+        of_arms = (first, arms.end, arms.contour, self._arm_points)
+        rows = (numbers, values, places)
+        n = arm_images(poses, pairs, self._scale, self._part.compiled, of_arms, rows)
+        seen = SeenArms(*numbers[:, :n], *values[:, :n], *places[:, :n])
+        return seen, self._visible(poses, pairs[seen.of // 2, 0], seen.place)
 
-    def _find_tips(
-        self, cam2world: Array, pairs: Pairs, seen: SeenArms, arms: NDArray[np.int64]
-    ) -> None:
-        """Find the angles at which other lines come back from the tips of some of the arms."""
+    def _drop_short(
+        self, poses: Array, pairs: Pairs, seen: SeenArms, visible: NDArray[np.bool_]
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Take arms that are too short for a fit out of the visible ones.
+
+        Returns
+        -------
+        sharpest : array (2 p,)
+            The least angle of a visible arm at each end, degrees.
+        hopeful : array of bool (q,)
+            Which arms may make a corner and have to be far from other lines.
+        """
+        separation = self.showing.separation_px
+        sharpest = np.full(2 * len(pairs), 90.0)
+        fork = np.empty(len(visible))
+        fields = (seen.of, seen.arm, seen.angle, seen.length_px, seen.direction)
+        drop_mixed(fields, self.arms.wide, separation, visible, fork, sharpest)
+        hopeful = np.zeros(len(visible), bool)
+        if separation > 0:
+            corner = (visible, self.showing.min_corner_deg, sharpest, hopeful)
+            find_hopeful(seen.of, seen.angle, *corner)
+            tip_deg = self._tips(poses, pairs, seen, hopeful)
+            drop_short(seen.length_px, fork, tip_deg, separation, visible)
+            find_hopeful(seen.of, seen.angle, *corner)
+        return sharpest, hopeful
+
+    def _tips(
+        self, poses: Array, pairs: Pairs, seen: SeenArms, hopeful: NDArray[np.bool_]
+    ) -> Array:
+        """Return the least angle (q,) at which a visible line comes back from the tip of each arm.
+
+        It is 90 degrees if none does, or if it does not matter.
+        """
+        beyond = self.arms.beyond
         # what comes back from a tip farther away is not beside what is fitted, or too near anyway
-        short = arms[seen.length_px[arms] < FITTED_PX + self._near_own_px]
-        if len(short):
-            poses = cam2world[pairs[seen.of[short] // 2, 0]]
-            of, angle, place = tip_lines(
-                poses, self._scale, self._part.showing, self.arms, seen.arm[short]
-            )
-            visible = self._visible(poses[of, :3, 3], place)
-            np.minimum.at(seen.tip_deg, short[of[visible]], angle[visible])
+        short = hopeful & (seen.length_px < FITTED_PX + self._near_own_px)
+        n_most = int(short.sum()) * beyond.shape[1]
+        numbers = np.empty((2, n_most), np.int64)
+        angles = np.empty(n_most)
+        places = np.empty((n_most, 3))
+        of_arms = (beyond, self._arm_points)
+        among = (seen.of, seen.arm, short)
+        rows = (numbers, angles, places)
+        n = tip_lines(poses, pairs, self._scale, self._part.compiled, of_arms, among, rows)
+        visible = self._visible(poses, numbers[1, :n], places[:n])
+        tip_deg = np.full(len(short), 90.0)
+        np.minimum.at(tip_deg, numbers[0, :n][visible], angles[:n][visible])
+        return tip_deg
 
     def _corners(self, cam2world: Array, pairs: Pairs) -> Array:
-        seen, sharpest, candidates = self._long_arms(
-            cam2world, pairs, self._leaving(cam2world, pairs)
-        )
+        """Return how wide the narrower corner of pairs (p,) is, degrees."""
+        poses = np.array(cam2world, np.float64, order="C")
+        seen, visible = self._leaving(poses, pairs)
+        sharpest, hopeful = self._drop_short(poses, pairs, seen, visible)
         # per end: a visible line far enough from the edge's own, and none too near to the edge
-        widest = self._widest(cam2world, pairs, seen, candidates)
-        margin = np.minimum(widest, sharpest).reshape(-1, 2).min(axis=1)
-        return np.where(self._long_enough(cam2world, pairs, sharpest), margin, 0.0)
-
-    def _long_enough(self, cam2world: Array, pairs: Pairs, sharpest: Array) -> NDArray[np.bool_]:
-        """Return which edges leave two separations between what other lines at their ends are beside of."""
-        poses = cam2world[pairs[:, 0]]
-        ends = self._ends[pairs[:, 1]]
-        first, last = (images(poses, self._scale, ends[:, end])[:, :2] for end in range(2))
-        beside = mixed_px(sharpest, self.showing.separation_px).reshape(-1, 2).sum(axis=1)
-        return np.asarray(
-            np.linalg.norm(last - first, axis=1) - beside >= 2.0 * self.showing.separation_px
-        )
+        widest = self._widest(poses, pairs, seen, visible, hopeful)
+        widths = np.empty(len(pairs))
+        angles = np.stack([widest, sharpest])
+        separation = self.showing.separation_px
+        corner_widths(poses, pairs, self._scale, self._ends, separation, angles, widths)
+        return widths
 
     def _widest(
-        self, cam2world: Array, pairs: Pairs, seen: SeenArms, candidates: NDArray[np.int64]
+        self,
+        poses: Array,
+        pairs: Pairs,
+        seen: SeenArms,
+        visible: NDArray[np.bool_],
+        hopeful: NDArray[np.bool_],
     ) -> Array:
         """Return the widest corner of each end (2 p,), degrees, of arms that are as far from other lines as is asked.
 
         Of an end, the arm at the largest angle is asked first: where it is far, no other counts.
         """
         widest = np.zeros(2 * len(pairs))
-        others = np.delete(np.arange(len(seen.of)), candidates)
-        np.maximum.at(widest, seen.of[others], seen.bend[others])
-        remaining = candidates[np.lexsort((-seen.bend[candidates], seen.of[candidates]))]
-        while remaining.size:
-            is_first = np.diff(seen.of[remaining], prepend=-1) > 0
-            first = remaining[is_first]
-            far = first[self._far(cam2world, pairs, seen, first)]
-            np.maximum.at(widest, seen.of[far], seen.bend[far])
-            remaining = remaining[~is_first & ~np.isin(seen.of[remaining], seen.of[far])]
+        ranked = np.empty(int(hopeful.sum()), np.int64)
+        first = np.empty(len(widest) + 1, np.int64)
+        rank_arms(seen.of, seen.angle, visible, hopeful, (ranked, first, widest))
+        place = first[:-1].copy()
+        last = first[1:]
+        ends = np.flatnonzero(place < last)
+        while ends.size:
+            arms = ranked[place[ends]]
+            far = self._far(poses, pairs, seen, arms)
+            bend = np.minimum(seen.angle[arms], 180.0 - seen.angle[arms])
+            widest[ends[far]] = np.maximum(widest[ends[far]], bend[far])
+            ends = ends[~far]
+            place[ends] += 1
+            ends = ends[place[ends] < last[ends]]
         return widest
-
-    def _long_arms(
-        self, cam2world: Array, pairs: Pairs, seen: SeenArms
-    ) -> tuple[SeenArms, Array, NDArray[np.int64]]:
-        """Return lines that are long enough for a fit, sharpest angles, and which lines must be far from others.
-
-        That is not asked where an end has no corner anyway, or of a line at a smaller angle than is asked for.
-        """
-        separation = self.showing.separation_px
-        sharpest = np.full(2 * len(pairs), 90.0)
-        np.minimum.at(sharpest, seen.of, seen.angle)
-        fork = seen.fork_deg()
-        enough = seen.wide & seen.long_enough(fork, separation)
-        seen = seen.chosen(enough)
-        fork = fork[enough]
-        if separation > 0:
-            self._find_tips(cam2world, pairs, seen, self._hopeful(seen, sharpest))
-            seen = seen.chosen(seen.long_enough(fork, separation))
-            return seen, sharpest, self._hopeful(seen, sharpest)
-        return seen, sharpest, np.zeros(0, np.int64)
 
     def _far(
         self, cam2world: Array, pairs: Pairs, seen: SeenArms, arms: NDArray[np.int64]
@@ -757,19 +793,16 @@ class ImageCheck:
         each = np.column_stack([pairs[seen.of[arms] // 2, 0], np.arange(len(arms))])
         return ~self._has_near(cam2world, each, looked, self.showing.separation_px)[inverse]
 
-    def _hopeful(self, seen: SeenArms, sharpest: Array) -> NDArray[np.int64]:
-        """Return the arms that may make a corner, of edges that may have one at both ends."""
-        required_deg = self.showing.min_corner_deg
-        may = (seen.bend >= required_deg) & (sharpest[seen.of] >= required_deg)
-        both = np.asarray(
-            np.isin(np.arange(len(sharpest)), seen.of[may]).reshape(-1, 2).all(axis=1)
-        )
-        return np.flatnonzero(may & both[seen.of // 2])
-
-    def _visible(self, eyes: Array, places: Array) -> NDArray[np.bool_]:
+    def _visible(
+        self, cam2world: Array, rows: NDArray[np.int64], places: Array
+    ) -> NDArray[np.bool_]:
+        """Return which places (q, 3) nothing hides from the poses (q,) of these rows."""
         if not len(places):
             return np.zeros(0, bool)
-        return ~self.scene.blocked(eyes, places - eyes, 1.0 - _SHORT)
+        rays = np.empty((len(places), 6), np.float32)
+        poses = np.ascontiguousarray(cam2world, np.float64)
+        rays_to(poses, np.ascontiguousarray(rows), places, self.scene.centre, rays)
+        return ~self.scene.are_blocked(rays, 1.0 - _SHORT)
 
 
 def near_own_px(showing: Detectability) -> float:

@@ -18,8 +18,9 @@ _MORE = 48
 _FEW = 4
 # halvings on the way to where a line leaves the strip: a hundred-thousandth of its length
 _STEPS = 17
-# upright strips of the image, in which edges are looked up
+# upright strips of the image, in which edges are looked up where a pose has at least so many pairs
 _BINS = 64
+_MANY_PAIRS = 24
 # of the curve of a chord: each as straight as its chord is in a hundredth of the bulge
 _PIECES = 10
 # of the curve of a chord beside an edge: so many that each leaves the curve by so many px, which distances lose; but at
@@ -34,6 +35,8 @@ _NEWTON_STEPS = 3
 _LONGER = 2.0
 # what is nearer than this to the plane of the nodal point is cut off, mm
 _NEAREST_MM = 1e-3
+# if only some visible point of a pair is asked for, one of so many is looked at first
+_EVERY = 6
 
 
 @entry_kernel(error_model="numpy")
@@ -100,7 +103,7 @@ def near_contours(
         if pairs[p, 0] != last:
             last = pairs[p, 0]
             n_active = _project(pose, scale, contours, bulges, (active, image, boxes, front, extra))
-            _sort_into_bins(boxes, n_active, scale, of_bins, in_bins)
+            _sort_into_bins(boxes, n_active * _are_many(pairs, p), scale, of_bins, in_bins)
         r = belongs[k]
         a = _seen(pose, scale, ends[k, 0])
         b = _seen(pose, scale, ends[k, 1])
@@ -110,7 +113,8 @@ def near_contours(
             own_vertices, first[r], first[r + 1], image, (scale, lens), corners
         )
         near = (corners[:n_corners], near_own, wide)
-        n_within = _overlap(boxes, _around(a, b, wide), (of_bins, in_bins, scale), within)
+        window = _around(a, b, wide)
+        n_within = _overlap(boxes, n_active, window, (of_bins, in_bins, scale), within)
         for i in within[:n_within]:
             e = active[i]
             first_end = edge_ends[e, 0]
@@ -124,6 +128,59 @@ def near_contours(
             contour = (line, (a, b), relation, extra[i], reach, n_samples)
             count = _write_contour(p, contour, near, curve, place, found, count)
     return count
+
+
+@entry_kernel(error_model="numpy")
+def choose_tested(
+    pair: Any, distance: Any, reach: float, is_first: bool, has: Any, rows: Any
+) -> int:
+    """Write which near points are looked at if some visible one of a pair is enough; return how many there are.
+
+    Parameters
+    ----------
+    pair : array of int (c,)
+        Which pair each point is near to.
+    distance : array (c,)
+        How near, px.
+    reach : float
+        How near a point has to be.
+    is_first : bool
+        Whether these are the first that are looked at, or the others.
+    has : array of bool (p,)
+        Pairs that have a visible point.
+    rows : array of int (c,)
+        To be written.
+    """
+    count = 0
+    for c in range(len(pair)):
+        rows[count] = c
+        # no branch, as it would be guessed wrong too often
+        count += (distance[c] < reach) & ((c % _EVERY == 0) == is_first) & (not has[pair[c]])
+    return count
+
+
+@entry_kernel(error_model="numpy")
+def rays_to(poses: Any, rows: Any, places: Any, centre: Any, rays: Any) -> None:
+    """Write rays from cameras to places, as `RayScene.are_blocked` takes them.
+
+    Parameters
+    ----------
+    poses : array (n, 4, 4)
+        Cam2world.
+    rows : array of int (q,)
+        The pose of each ray.
+    places : array (q, 3)
+        Where they go, mm.
+    centre : array (3,)
+        See `RayScene`.
+    rays : array of float32 (q, 6)
+        To be written.
+    """
+    for q in range(len(rows)):
+        for i in range(3):
+            eye = poses[rows[q], i, 3]
+            rays[q, i] = eye - centre[i]
+            rays[q, 3 + i] = places[q, i] - eye
 
 
 @kernel_without_refcounts(error_model="numpy")
@@ -431,8 +488,34 @@ def _sort_into_bins(boxes: Any, n: int, scale: Any, of_bins: Any, in_bins: Any) 
 
 
 @kernel_without_refcounts(error_model="numpy")
-def _overlap(boxes: Any, window: Any, bins: Any, within: Any) -> int:
-    """Write which boxes overlap with a window; return how many do."""
+def _are_many(pairs: Any, p: int) -> bool:
+    """Return whether `_MANY_PAIRS` have the same pose, from one on; they are in the order of poses."""
+    last = p + _MANY_PAIRS - 1
+    return last < len(pairs) and pairs[last, 0] == pairs[p, 0]
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _overlap(boxes: Any, n_active: int, window: Any, bins: Any, within: Any) -> int:
+    """Write which of the first boxes overlap with a window; return how many do. Strips may be without boxes."""
+    low_x, low_y, high_x, high_y = window
+    if bins[0][_BINS] > 0:
+        return int(_overlap_in_bins(boxes, window, bins, within))
+    n = 0
+    for i in range(n_active):
+        within[n] = i
+        # no branch, as below
+        n += (
+            (boxes[2, i] >= low_x)
+            & (boxes[0, i] <= high_x)
+            & (boxes[3, i] >= low_y)
+            & (boxes[1, i] <= high_y)
+        )
+    return n
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _overlap_in_bins(boxes: Any, window: Any, bins: Any, within: Any) -> int:
+    """Do what `_overlap` does, of the boxes in the strips of the window."""
     low_x, low_y, high_x, high_y = window
     of_bins, in_bins, scale = bins
     first = _bin(low_x, scale)

@@ -25,7 +25,6 @@ from planner.camera.pose import (
     PoseUncertainty,
     cam_to_paper,
     paper_displacement_jacobian,
-    world_to_cam,
 )
 from planner.executors import check_on_the_way
 from planner.request.edge_state import SHARP, EdgeState, value_sigma
@@ -203,7 +202,9 @@ class EdgeModels:
 
     def probability_where(self, cam2world: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         """Return P of poses for wanted edges; 0 for one not wholly in front of the camera or seen as a point."""
-        ends = world_to_cam(self.ends, cam2world)[wanted]
+        of, edge = np.nonzero(wanted)
+        poses = cam2world[of]
+        ends = (self.ends[edge] - poses[:, None, :3, 3]) @ poses[:, :3, :3]
         if self._own_edges is None:
             return self.probability_of(ends)
         used = np.flatnonzero(wanted.any(axis=1))

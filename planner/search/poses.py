@@ -113,13 +113,9 @@ class ViewpointSampler:
 
     def _clip_boxes(self) -> None:
         """Clip the bounding box of every cell to the box that contains the shell."""
-        self._parts = list(self.cells)
-        corners = np.array(
-            [[part.vertices.min(axis=0), part.vertices.max(axis=0)] for part in self._parts]
-        )
-        corners = corners.reshape(-1, 2, 3)
-        low = np.maximum(corners[:, 0], (self.points - self.far).max(axis=0))
-        high = np.minimum(corners[:, 1], (self.points + self.far).min(axis=0))
+        boxes = self.cells.boxes
+        low = np.maximum(boxes[:, 0], (self.points - self.far).max(axis=0))
+        high = np.minimum(boxes[:, 1], (self.points + self.far).min(axis=0))
         self._kept = np.flatnonzero(
             (low < high).all(axis=1) & boxes_reach(low, high, self.points, self.near, self.far)
         )
@@ -281,7 +277,7 @@ class ViewpointSampler:
     def _half_spaces(self) -> np.ndarray:
         """Half-spaces (m, s, 4) of the kept cells, padded with 0·x − 1 <= 0, which always holds."""
         if not hasattr(self, "_padded"):
-            planes = [np.asarray(self._parts[i].half_spaces, dtype=float) for i in self._kept]
+            planes = [np.asarray(self.cells[int(i)].half_spaces, dtype=float) for i in self._kept]
             self._padded = np.tile([0.0, 0.0, 0.0, -1.0], (len(planes), max(map(len, planes)), 1))
             for row, half_spaces in zip(self._padded, planes, strict=True):
                 row[: len(half_spaces)] = half_spaces

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ from planner.exceptions import InfeasibleError
 from planner.executors import check_on_the_way
 from planner.request.problem import Problem
 from planner.request.registration import PoseKnowledge
-from planner.search.columns import Judge, perturbed
+from planner.search.columns import Judge, derive_seed, perturbed
 from planner.search.evolution import Centring, centred, least_share
 from planner.search.plan_setting import best_setting, missing_corners, setting_at, without
 from planner.search.surer_poses import surer_pose
@@ -28,7 +28,9 @@ from planner.verify.joint_counts import (
     MOST_REQUIRED,
     DisplacedChecks,
     JointCounts,
+    confidence_of_looks,
     looks_of,
+    lower_bound,
     poses_needed,
     successes_needed,
 )
@@ -201,7 +203,7 @@ def best_supported(
     rng = np.random.default_rng([seed, _TRIAL_POSES])
     best: _Tried | None = None
     lowest = np.inf
-    poses: Iterable[SensorSetting | PosedOnly] = itertools.chain(
+    poses: Iterable[SensorSetting | PosedOnly] = chain(
         options,
         _surer(judge, options[0], seed),
         _near(judge, options[0], rng, _trials_of(settings)),
@@ -320,8 +322,9 @@ def joint_bounds(
 ) -> dict[str, tuple[float, int]]:
     """Return a lower bound of the P_all of each target at a pose, and over how many displaced poses it was counted.
 
-    Where the first displaced poses do not decide whether a target has the required probability, more are drawn. That
-    any of these counts decides wrongly is as improbable as it is of a single one (Bonferroni).
+    Where the first displaced poses do not decide whether a target has the required probability, more are drawn and
+    counted together with them. That any look at the count decides wrongly is as improbable as it is of a single one
+    (Bonferroni).
 
     Parameters
     ----------
@@ -331,18 +334,23 @@ def joint_bounds(
         As soon as one bound is surely below this, others may state too much.
     """
     bounds: dict[str, tuple[float, int]] = {}
-    undecided = tuple(names)
+    hits = dict.fromkeys(names, 0)
     looks = looks_of(judge.threshold)
-    for n in looks:
+    confidence = confidence_of_looks(len(looks))
+    undecided = tuple(names)
+    for before, n in pairwise([0, *looks]):
         # a count that ends early states too much of others, so another look must not follow it
-        bound = needed if n == looks[-1] else 0.0
-        counts = joint_counts(judge, cam2world, undecided, seed, n, bound)
-        lower_bounds = counts.lower_of(len(looks))
-        bounds.update({name: (lower_bounds[name], counts.n) for name in undecided})
+        required = successes_needed(needed, n, confidence) if n == looks[-1] else 0
+        missing_hits = max(required - min(hits[name] for name in undecided), 0)
+        checks = DisplacedChecks(judge.problem.at_pose(cam2world, undecided), undecided)
+        counts = checks.count(cam2world, n - before, derive_seed(seed, [str(n)]), missing_hits)
+        for name, more in zip(counts.names, counts.successes, strict=True):
+            hits[name] += more
+            bounds[name] = (lower_bound(hits[name], n, confidence), n)
         undecided = tuple(
             name
-            for name, hits in zip(counts.names, counts.successes, strict=True)
-            if hits >= judge.threshold * counts.n and not keeps(judge, lower_bounds[name])
+            for name in undecided
+            if hits[name] >= judge.threshold * n and not keeps(judge, bounds[name][0])
         )
         decided = [lower for name, (lower, _) in bounds.items() if name not in undecided]
         if not undecided or min(decided, default=1.0) < needed:

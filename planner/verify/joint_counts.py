@@ -47,8 +47,8 @@ JOINT_POSES = 1000
 JOINT_SURE_POSES = 20_000
 """The same where fewer do not decide, and at most for what a plan states."""
 
-# most that the first look leaves open are decided by the second, at a fifth of what the last takes
-_LOOKS = (JOINT_POSES, 4000, JOINT_SURE_POSES)
+# how many displaced poses a count is looked at after. Each look costs little confidence, and most need not be the last.
+_LOOKS = (JOINT_POSES, 2000, 4000, 8000, JOINT_SURE_POSES)
 
 CONDITIONS = ("field of view", "focus", "visibility", "image")
 """What must hold beside the error, in the order in which it is asked."""
@@ -111,7 +111,7 @@ def successes_needed(bound: float, n: int, confidence: float = CONFIDENCE) -> in
 
 
 def looks_of(probability: float) -> tuple[int, ...]:
-    """Return over how many displaced poses counts decide, one after the other, whether a probability is reached."""
+    """Return after how many displaced poses a count is looked at to decide whether a probability is reached."""
     # a high probability takes more poses than the first looks have
     return tuple(sorted({poses_needed(probability, at_least) for at_least in _LOOKS}))
 

@@ -539,7 +539,7 @@ def compared(solid, camera, poses):
     ends = np.array([solid.edge_points(k) for k in edges], dtype=float)
     check = ImageCheck(solid, [[k] for k in edges], ends, camera, Detectability(ASKED))
     # nothing hides
-    check._visible = lambda eyes, places: np.ones(len(places), dtype=bool)
+    check._visible = lambda cam2world, rows, places: np.ones(len(places), dtype=bool)
     relations = check._entities.relations
     relations[relations != OTHER] = 1
     pieces = check._scanned.relations

@@ -51,6 +51,10 @@ class BoxCells(tuple):
         return float(self.volumes.sum())
 
     @property
+    def boxes(self):
+        return np.array([[cell.low, cell.high] for cell in self]).reshape(-1, 2, 3)
+
+    @property
     def bounds(self):
         return np.array(
             [np.min([c.low for c in self], axis=0), np.max([c.high for c in self], axis=0)]

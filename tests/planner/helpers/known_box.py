@@ -20,32 +20,34 @@ class Cell:
 
 class Cells:
     def __init__(self, corners):
-        self.corners = np.array(corners, dtype=float).reshape(-1, 2, 3)
-        self.volumes = np.prod(self.corners[:, 1] - self.corners[:, 0], axis=1)
+        self.boxes = np.array(corners, dtype=float).reshape(-1, 2, 3)
+        self.volumes = np.prod(self.boxes[:, 1] - self.boxes[:, 0], axis=1)
         self.volume = float(self.volumes.sum())
 
     def __len__(self):
-        return len(self.corners)
+        return len(self.boxes)
 
     def __iter__(self):
-        for (low, high), volume in zip(self.corners, self.volumes, strict=True):
-            planes = np.vstack(
-                [np.column_stack([-np.eye(3), low]), np.column_stack([np.eye(3), -high])]
-            )
-            yield Cell(planes, np.array(list(product(*zip(low, high, strict=True)))), float(volume))
+        return (self[k] for k in range(len(self)))
+
+    def __getitem__(self, k):
+        low, high = self.boxes[k]
+        planes = np.vstack(
+            [np.column_stack([-np.eye(3), low]), np.column_stack([np.eye(3), -high])]
+        )
+        corners = np.array(list(product(*zip(low, high, strict=True))))
+        return Cell(planes, corners, float(self.volumes[k]))
 
     def contains(self, points):
         points = np.asarray(points)[:, None]
         return (
-            ((points >= self.corners[:, 0]) & (points <= self.corners[:, 1]))
-            .all(axis=-1)
-            .any(axis=1)
+            ((points >= self.boxes[:, 0]) & (points <= self.boxes[:, 1])).all(axis=-1).any(axis=1)
         )
 
     def sample(self, n, rng):
         rng = np.random.default_rng(rng)
         chosen = rng.choice(len(self), size=n, p=self.volumes / self.volume)
-        return rng.uniform(self.corners[chosen, 0], self.corners[chosen, 1])
+        return rng.uniform(self.boxes[chosen, 0], self.boxes[chosen, 1])
 
 
 class BoxSpace:

@@ -16,6 +16,7 @@ import pytest
 from box_requests import CAMERA, UNCERTAINTY, WORKSPACE
 from grid_box import EDGES, BoxSpace
 from plan_examples import BRIEF, request_with
+from scipy.stats import binom
 
 from aspectgraph import compute_regions, read_solid
 from planner import (
@@ -140,36 +141,76 @@ def test_what_simulation_says_of_a_promise_does_not_depend_on_the_others(monkeyp
     assert asked[3:] == [(NAMES[2],)]
 
 
-def test_counts_that_decide_a_trial_are_three_and_only_the_last_may_end_early(monkeypatch):
+def test_a_count_goes_on_until_a_look_decides_and_only_the_last_part_may_end_early(monkeypatch):
     """A count that ends early states too much of others: no later one would mend what it said of them."""
     asked = []
+    # the first is sure at once, the second is sure after 4000, the third never, the fourth is surely too low
+    share = {"sure": 1.0, "later": 0.962, "open": 0.951, "low": 0.8}
 
-    def counts(judge, pose, names, seed, at_least, needed):
-        asked.append((names, at_least, needed))
-        # the first is sure at once, the second always just misses what is sure, the third is surely too low
-        share = {"sure": 1.0, "open": 0.951, "low": 0.8}
-        hits = tuple(round(share[name] * at_least) for name in names)
-        return JointCounts(tuple(names), at_least, hits, min(hits), {})
+    class Counted:
+        def __init__(self, problem, names):
+            self.names = tuple(names)
 
-    monkeypatch.setattr("planner.search.realise_column.joint_counts", counts)
-    judge = SimpleNamespace(threshold=0.95)
-    bounds = joint_bounds(judge, np.eye(4), ("sure", "open", "low"), 0, needed=0.7)
-    assert asked == [
-        (("sure", "open", "low"), 1000, 0.0),
-        (("open",), 4000, 0.0),
-        (("open",), 20_000, 0.7),
+        def count(self, cam2world, n, seed, needed):
+            asked.append((self.names, n, seed, needed))
+            hits = tuple(round(share[name] * n) for name in self.names)
+            return JointCounts(self.names, n, hits, min(hits), {})
+
+    monkeypatch.setattr("planner.search.realise_column.DisplacedChecks", Counted)
+    problem = SimpleNamespace(at_pose=lambda cam2world, names: None)
+    judge = SimpleNamespace(threshold=0.95, problem=problem)
+    bounds = joint_bounds(judge, np.eye(4), tuple(share), 0, needed=0.7)
+    parts = [(names, n) for names, n, _, _ in asked]
+    assert parts == [
+        (tuple(share), 1000),
+        (("later", "open"), 1000),
+        (("later", "open"), 2000),
+        (("open",), 4000),
+        (("open",), 12_000),
     ]
-    assert {name: n for name, (_, n) in bounds.items()} == {
-        "sure": 1000,
-        "open": 20_000,
-        "low": 1000,
-    }
-    # each of three looks errs with a third of what one may: 1 - (0.001 / 3)^(1 / 1000) of 1000 successes
-    assert bounds["sure"][0] == pytest.approx((0.001 / 3.0) ** (1.0 / 1000.0), rel=1e-9)
+    # each part has draws of its own
+    assert len({seed for _, _, seed, _ in asked}) == len(asked)
+    # nothing of what is there already, 0.951 of 8000, has to be hit again: 0.7 of 20,000, and what chance adds
+    assert [needed for *_, needed in asked[:4]] == [0] * 4
+    last = asked[4][3] + round(0.951 * 8000)
+    one = binom.sf(last - 1, 20_000, 0.7)
+    assert one <= 0.001 / 5 < binom.sf(last - 2, 20_000, 0.7)
+    decided = {name: n for name, (_, n) in bounds.items()}
+    assert decided == {"sure": 1000, "later": 4000, "open": 20_000, "low": 1000}
+    # each of five looks errs with a fifth of what one may
+    assert bounds["sure"][0] == pytest.approx((0.001 / 5.0) ** (1.0 / 1000.0), rel=1e-9)
+    assert binom.sf(round(0.962 * 4000) - 1, 4000, bounds["later"][0]) == pytest.approx(0.001 / 5.0)
     # a probability that takes 200,000 displaced poses is counted once
     asked.clear()
-    joint_bounds(SimpleNamespace(threshold=0.9999), np.eye(4), ("open",), 0, needed=0.7)
-    assert asked == [(("open",), 200_000, 0.7)]
+    judge = SimpleNamespace(threshold=0.9999, problem=problem)
+    joint_bounds(judge, np.eye(4), ("open",), 0, needed=0.7)
+    assert [(names, n) for names, n, _, _ in asked] == [(("open",), 200_000)]
+
+
+def test_a_bound_after_several_looks_is_rarely_above_the_truth(monkeypatch):
+    """The probability is 0.9 exactly: any look may say more than that, and all together do so in 0.1 % of counts."""
+    rng = np.random.default_rng(5)
+    n_targets = 4000
+    names = tuple(f"t{k}" for k in range(n_targets))
+
+    class Drawn:
+        def __init__(self, problem, names):
+            self.names = names
+
+        def count(self, cam2world, n, seed, needed):
+            hits = tuple(rng.binomial(n, 0.9, len(self.names)).tolist())
+            return JointCounts(self.names, n, hits, min(hits), {})
+
+    monkeypatch.setattr("planner.search.realise_column.DisplacedChecks", Drawn)
+    problem = SimpleNamespace(at_pose=lambda cam2world, names: None)
+    judge = SimpleNamespace(threshold=0.9, problem=problem)
+    bounds = joint_bounds(judge, np.eye(4), names, 0)
+    n_wrong = sum(lower > 0.9 for lower, _ in bounds.values())
+    # 4 of 4000 are expected at most; more than 12 would happen once in 4000 times
+    assert binom.sf(12, n_targets, 0.001) < 1 / 2000
+    assert n_wrong <= 12
+    # and the looks are not so careful that none is ever wrong
+    assert len({n for _, n in bounds.values()}) == 5
 
 
 def test_a_promise_that_leaves_the_picture_too_often_counts_as_contradicted(monkeypatch):
