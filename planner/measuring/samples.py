@@ -69,6 +69,8 @@ _UNSURE_SHARE = 0.5
 _MOST_DOUBT_PX = 0.2
 # steps below this share of their edge's count only where slopes are known to move them little
 _FADING_SHARE = 0.5
+# steps of the other sign than most of their edge's count if they are this share of white: nothing fades in between
+_CLEAR_SHARE = 15 / 255
 # how far slopes are looked at: those of blurs up to 1.5 px
 _SLOPES_PX = 9.0
 # slopes of the halves of this differ by so many standard deviations of the noise over its width by chance
@@ -290,7 +292,7 @@ def find_edges(
         grey, middle, blur, steps, noise, centres, most_px=most_by_slopes_px
     )
     offset[found] -= by_slopes.px[found]
-    state[found & _fades(steps, by_slopes.sure, centres)] = State.WEAK
+    state[found & _fades(steps / white, by_slopes.sure, centres)] = State.WEAK
     return Scans(offset, state, step / white, blur, by_slopes.unsure_px)
 
 
@@ -298,7 +300,9 @@ def _fades(step: Array, sure: NDArray[np.bool_], places: Array) -> NDArray[np.bo
     """Return where an edge ends in a slope: samples (m,) at places (m, 2), px, from an open end of it on.
 
     A wall that turns away from the camera darkens towards the end of its arc. There steps vanish in slopes that are not
-    known. So steps do not count that are less than half of the median of their edge, and not sure.
+    known. So steps do not count that are less than half of the median of their edge, and not sure. Where the wall is in
+    its own shadow, the step of the face around it is left, with the other sign. Such clear steps are compared with each
+    other.
     """
     size = np.abs(step)
     result = np.zeros(len(step), dtype=bool)
@@ -307,7 +311,11 @@ def _fades(step: Array, sure: NDArray[np.bool_], places: Array) -> NDArray[np.bo
         is_closed = len(run) > 2 and np.linalg.norm(places[run[0]] - places[run[-1]]) <= _NEXT_PX
         if is_closed or not len(seen):
             continue
-        is_weak = (size[run] < _FADING_SHARE * np.median(seen)) & ~sure[run]
+        typical = np.full(len(run), np.median(seen))
+        is_other = (step[run] * step[run].sum() < 0) & (size[run] >= _CLEAR_SHARE)
+        if is_other.any():
+            typical[is_other] = np.median(size[run][is_other])
+        is_weak = (size[run] < _FADING_SHARE * typical) & ~sure[run]
         for way in (run, run[::-1]):
             lost = is_weak if way is run else is_weak[::-1]
             result[way[: len(lost) if lost.all() else int(np.argmin(lost))]] = True

@@ -148,6 +148,33 @@ def test_a_step_that_vanishes_in_a_slope_is_not_found(slope):
     assert seen[: len(rows) // 2].all()
 
 
+def test_a_wall_in_its_own_shadow_shows_its_edge_up_to_the_end():
+    """Where light falls on the wall, it is brighter than the face by 80 to 200, beyond that darker by 36.
+
+    Compared with the lit stretch, the dark one is weak. Light that slopes a little on the face moves it by .06 px.
+    """
+    height = 300
+    u = np.broadcast_to(np.arange(80.0), (height, 80))
+    rows = np.arange(10.0, height - 10.0, 2.5)
+    wall = np.where(np.arange(height) < 200, np.linspace(240.0, 120.0, height), 0.0)[:, None]
+    distance = 40.2 - u
+    face = 40.0 + 0.3 * np.clip(-distance, 0.0, 12.0)
+    share = 0.5 * (1 + erf(distance / SIGMA / np.sqrt(2)))
+    image = share * np.where(wall > 0, wall, 4.0) + (1 - share) * face
+    centres = np.column_stack([np.full(len(rows), 40.0), rows])
+    across = np.broadcast_to([-1.0, 0.0], centres.shape)
+    sign = np.where(rows < 200, 1, -1)
+    scans = find_edges(
+        image.astype(np.float32), centres, across, 3.0, white=255.0, noise=0.2, sign=sign
+    )
+    found = scans.state == State.FOUND
+    steps = np.abs(scans.step)
+    dark = rows > 205
+    assert np.median(steps[dark]) < 0.5 * np.median(steps)
+    assert found[dark].all()
+    assert np.abs(-scans.offset - 0.2)[found & dark].max() < 0.1
+
+
 def test_the_blur_is_that_of_the_step():
     assert scan(step(U - 30.2)).blur_px[0] == pytest.approx(SIGMA, abs=0.15)
 
