@@ -118,14 +118,14 @@ class Reason(str):
         kind : ReasonKind
             Its words begin the sentence.
         details : object
-            The rest of it.
+            The rest of it; the same words at its beginning are left out.
 
         Returns
         -------
         Reason
             The sentence with its kind.
         """
-        return cls(f"{kind.words}: {details}", kind)
+        return cls(f"{kind.words}: {str(details).removeprefix(f'{kind.words} ')}", kind)
 
 
 def kind_of(reason: str) -> ReasonKind:

@@ -495,9 +495,9 @@ def _incomplete(
         if counts[worst] >= 0.9 * len(points):
             return f"{word} {edge.name} is {STATE_TEXTS[worst]}"
         main_reason = f"{100 * counts[worst] / len(points):.0f} % is {STATE_TEXTS[worst]}"
-        return (
-            f"only {share_text(share, coverage)} % of {word} {edge.name} was found; {main_reason}"
-        )
+        # as results state it, without outliers that a break explains
+        found_text = share_text(float(is_found.mean()), coverage)
+        return f"only {found_text} % of {word} {edge.name} was found; {main_reason}"
     n_parts = parts_of(len(points)) if in_each_part else 1
     part = numbers_of_parts(points["share"], n_parts)
     missing = set(part.tolist()) - set(part[is_covered].tolist())

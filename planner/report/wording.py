@@ -354,7 +354,7 @@ def promise_sentence(plan: InspectionPlan) -> str:
     if assumed_edges_text(plan):
         alone += (
             f" P takes edges as sharp, but 'measure' assumes breaks of up to {EdgeState().high_mm:g} mm where none is "
-            "stated, so its U is larger."
+            "stated, so its U is another one, and mostly larger."
         )
     poses = min((view.p_all_poses for view in plan.settings if view.p_all), default=0)
     if not poses:

@@ -763,7 +763,7 @@ _OFFERS_APART = 4.0
 # seconds, and then a share of the time, for plans on the way of a run that has all the time it needs
 _FREE_S = 1.0
 _SHARE = 0.1
-TRIVIAL = "Fewer settings than one inspect nothing; the proof of a larger bound had not begun."
+TRIVIAL = "Fewer settings than one inspect nothing. Nothing larger was proved."
 SO_FAR = (
     "Covering by optimistic columns, boxes of camera poses checked against necessary conditions (visibility, focus, "
     "sensor size, length of the image), as far as the proof had got."

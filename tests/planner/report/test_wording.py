@@ -473,3 +473,9 @@ def test_a_light_that_limits_the_views_may_be_why_there_is_none(lamps, kind, n, 
     out = capsys.readouterr().out
     assert out.count("another light may show more") == n
     assert out.count("another camera may inspect more") == 1
+
+
+def test_a_reason_states_its_kind_once():
+    kind = ReasonKind.OUT_OF_FOCUS
+    assert str(Reason.of(kind, "out of focus by 0.4 mm")) == "out of focus: by 0.4 mm"
+    assert str(Reason.of(kind, "its far end is")) == "out of focus: its far end is"
