@@ -43,7 +43,7 @@ from planner.identity import PartRecord
 from planner.measuring.measure_options import MeasureOptions
 from planner.measuring.measurer import Measurer
 from planner.measuring.registration import Registration
-from planner.measuring.rehearsal import TRUTH, Rehearsal, Truth, write_images
+from planner.measuring.rehearsal import ROUND_SHARE, TRUTH, Rehearsal, Truth, write_images
 from planner.measuring.results import COLUMNS, FORMAT, MeasurementResults, table_of_parts
 from planner.measuring.task import REPEATABILITY
 from planner.plan import read_plan
@@ -207,7 +207,7 @@ def _rendered_texts(
             )
         yield (
             f"faces of the part deviate by up to {rehearsal.largest_mm:.2g} mm, drawn with a standard deviation of "
-            f"{drawn}"
+            f"{drawn}; that of radii and axes is {ROUND_SHARE:g} times as large"
         )
     elif stated_mm is None:
         yield (

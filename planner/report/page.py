@@ -87,7 +87,7 @@ from planner.report.wording import (
 )
 from planner.request.reach import TargetSpace
 from planner.request.targets import PlannedDimension, targets_of, words_of
-from planner.rows import measured_rows
+from planner.rows import Row, measured_rows
 from planner.text_table import count
 from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, MODEL_TOLERANCE
 
@@ -755,6 +755,7 @@ def make_report(
         "dimensions": dimensions,
         "budgets": budgets_table(plan),
         "foreseen": foreseen_table(plan),
+        "unforeseen": ", ".join(_unforeseen(plan, rows)),
         "results": None if only_dimensions else results(plan, rows, nouns[0]),
         "sources": {source_text(source): color for source, color in COLOURS.items()},
         # shorter than base64
@@ -777,6 +778,12 @@ def make_report(
     }
     sections = setting_sections(plan, space.solid, rows, progress, until=until)
     return Report(plan, sections, values, list(notes))
+
+
+def _unforeseen(plan: InspectionPlan, rows: Sequence[Sequence[Row]]) -> list[str]:
+    """Return the dimensions whose U no foreseen one replaces: lengths of edges."""
+    measured = (row for of_setting in rows for row in of_setting if row.name in plan.dimensions)
+    return list(dict.fromkeys(row.name for row in measured if row.foreseen is None))
 
 
 def _space_of(plan: InspectionPlan, space: Space | Solid, progress: Progress | None) -> Space:

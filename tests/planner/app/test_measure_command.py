@@ -414,7 +414,8 @@ def test_a_rehearsal_says_how_far_the_part_deviates(folder, capsys, more, text):
     assert main([*words, "--out", str(folder / f"drawn{len(more)}"), *more]) == 0
     told = capsys.readouterr().err
     largest, rest = re.search(r"faces of the part deviate by up to (\S+) mm, (.*)", told).groups()
-    assert rest == f"drawn with a standard deviation of {text}"
+    round_ones = "that of radii and axes is 1.5 times as large"
+    assert rest == f"drawn with a standard deviation of {text}; {round_ones}"
     sigma = float(text.split()[0])
     # of so many faces, one is off by more than a standard deviation, and none by six
     assert sigma < float(largest) < 6 * sigma

@@ -8,6 +8,7 @@ import math
 import re
 import shutil
 import zlib
+from types import SimpleNamespace
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -31,7 +32,7 @@ from planner.files import timestamp
 from planner.identity import PartRecord
 from planner.plan import InspectionPlan
 from planner.report.figure import color_of, figure_views, plan_figure
-from planner.report.page import facts, make_report, report_html
+from planner.report.page import _unforeseen, facts, make_report, report_html
 from planner.report.predicted_image import PictureMaker, png_data
 from planner.report.tables import stance
 from planner.report.terminal_tables import print_explanation
@@ -917,3 +918,14 @@ def test_on_paper_headings_stay_with_what_they_are_of(browser, file):
     # heights of about a page move each of them to the next one
     assert all(len(set(places)) > 1 for places in zip(*pages, strict=True))
     shown.close()
+
+
+def test_lengths_are_named_whose_uncertainty_is_not_foreseen():
+    """The same in two settings counts once; an edge that is not a dimension has no U."""
+    foreseen, other = SimpleNamespace(name="bore", foreseen=1), "nose"
+    rows = [
+        [foreseen, SimpleNamespace(name=other, foreseen=None)],
+        [SimpleNamespace(name=name, foreseen=None) for name in (other, "e3")],
+    ]
+    made = SimpleNamespace(dimensions={"bore": 1, other: 1})
+    assert _unforeseen(made, rows) == [other]
