@@ -8,10 +8,10 @@ import math
 import re
 import shutil
 import zlib
-from types import SimpleNamespace
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 from urllib.parse import unquote
 
 import numpy as np
