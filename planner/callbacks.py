@@ -44,7 +44,7 @@ LEAST_SETTLING_S = 0.7
 FORESEEN_SHARE = 0.91
 """Share of a time limit after which it is no longer computed what `measure` will state."""
 
-PAGE_S = 0.005
+PAGE_S = 0.008
 """Seconds that the page takes for each target, without pictures."""
 
 PICTURES_SHARE = 0.95
@@ -161,13 +161,14 @@ class Deadline:
     ) -> TimeLeft:
         """Return what tells whether another piece of work fits until a share of the limit has passed.
 
-        Work that comes late has half of the time that is left before what must come later, which takes some seconds. It
+        It ends before what must come later, which takes some seconds. Work that comes late has half of that time. It
         has its least seconds if they end soon after the limit.
         """
         now = time.time()
         latest = self._wall_begin + self._latest + _SIMULATION_BEYOND_S
         earliest = min(now + least_s, latest)
-        return TimeLeft(max(self.at(share), (now + self.at() - later_s) / 2.0, earliest))
+        end = min(self.at(share), self.at() - later_s)
+        return TimeLeft(max(end, (now + self.at() - later_s) / 2.0, earliest))
 
     @contextmanager
     def stated_whole(self) -> Iterator[None]:

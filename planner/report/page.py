@@ -754,8 +754,7 @@ def make_report(
         "notices": [*attention(rows, unsharp), *_run_notices(plan), *_edge_notices(plan)],
         "dimensions": dimensions,
         "budgets": budgets_table(plan),
-        "foreseen": foreseen_table(plan),
-        "unforeseen": ", ".join(_unforeseen(plan, rows)),
+        **_foreseen(plan, rows),
         "results": None if only_dimensions else results(plan, rows, nouns[0]),
         "sources": {source_text(source): color for source, color in COLOURS.items()},
         # shorter than base64
@@ -778,6 +777,14 @@ def make_report(
     }
     sections = setting_sections(plan, space.solid, rows, progress, until=until)
     return Report(plan, sections, values, list(notes))
+
+
+def _foreseen(plan: InspectionPlan, rows: Sequence[Sequence[Row]]) -> dict[str, Any]:
+    """Return what the page says of the U that `measure` will state, and of what nothing is foreseen."""
+    return {
+        "foreseen": foreseen_table(plan),
+        "unforeseen": ", ".join(_unforeseen(plan, rows)),
+    }
 
 
 def _unforeseen(plan: InspectionPlan, rows: Sequence[Sequence[Row]]) -> list[str]:

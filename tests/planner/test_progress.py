@@ -370,3 +370,11 @@ def test_work_that_comes_later_keeps_its_time():
     search = early.of_search(share=0.8, later_s=4.0)
     assert search.at() - now == pytest.approx(76.0, abs=0.5)
     assert early.of_search(share=0.8).at() - now == pytest.approx(80.0, abs=0.5)
+
+
+def test_what_must_come_later_ends_work_before_its_share_of_the_limit():
+    """A page of 800 targets takes 6.4 s, and 0.91 of 60 s leave 5.4."""
+    deadline = Deadline(60.0)
+    now = time.time()
+    assert deadline.time_left(0.91, later_s=6.4).until - now == pytest.approx(53.6, abs=0.5)
+    assert deadline.time_left(0.8, later_s=6.4).until - now == pytest.approx(48.0, abs=0.5)

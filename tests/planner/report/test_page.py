@@ -922,10 +922,10 @@ def test_on_paper_headings_stay_with_what_they_are_of(browser, file):
 
 def test_lengths_are_named_whose_uncertainty_is_not_foreseen():
     """The same in two settings counts once; an edge that is not a dimension has no U."""
-    foreseen, other = SimpleNamespace(name="bore", foreseen=1), "nose"
+    stated = {"bore": 1, "nose": None, "e3": None}
     rows = [
-        [foreseen, SimpleNamespace(name=other, foreseen=None)],
-        [SimpleNamespace(name=name, foreseen=None) for name in (other, "e3")],
+        [SimpleNamespace(name=name, foreseen=stated[name]) for name in names]
+        for names in (("bore", "nose"), ("nose", "e3"))
     ]
-    made = SimpleNamespace(dimensions={"bore": 1, other: 1})
-    assert _unforeseen(made, rows) == [other]
+    made = SimpleNamespace(dimensions={"bore": 1, "nose": 1})
+    assert _unforeseen(made, rows) == ["nose"]
