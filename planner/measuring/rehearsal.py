@@ -31,7 +31,7 @@ from ground.short_repr import count
 from planner.argument_kinds import NOT_NEGATIVE, check_count, check_kinds, check_number
 from planner.camera.camera import Camera, tangents_of
 from planner.camera.response import LINEAR, Response
-from planner.exceptions import PlanFileError
+from planner.exceptions import PlanFileError, RequestError
 from planner.files import (
     absolute,
     check_path_text,
@@ -93,6 +93,8 @@ _BENT_OF_FEW = 0.06
 _FINE = 20_000
 # an image of such light has so many more steps
 _STEPS_OF_AREA = 2
+# faces deviate by this share of the part's size at most
+_MOST_OF_PART = 0.1
 # vertices of a mesh are so near to the cylinder or cone that they are on, mm
 _ON_WALL_MM = 1e-4
 _RAYS = 400_000
@@ -936,6 +938,10 @@ class Rehearsal:
             of_each = _stated_surfaces_mm(plan, measurer)
         else:
             check_number("surfaces_mm", surfaces_mm, NOT_NEGATIVE)
+            largest_mm = _MOST_OF_PART * float(np.linalg.norm(np.ptp(solid.vertices, axis=0)))
+            if surfaces_mm > largest_mm:
+                rule = f"must be at most {largest_mm:.3g} mm, a tenth of the part's size"
+                raise RequestError.of_rule("surfaces_mm", rule, f"{surfaces_mm:g} mm")
             of_each = np.full(len(measurer.model.carriers.surfaces), float(surfaces_mm))
         self._plan = plan
         self._shots = measurer.shots

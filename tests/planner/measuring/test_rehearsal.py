@@ -519,6 +519,8 @@ def test_images_of_an_earlier_plan_stay_if_rendering_fails(plate, plan, tmp_path
     ("wrong", "told"),
     [
         ({"surfaces_mm": -0.1}, "surfaces_mm must be finite and not negative"),
+        # the diagonal of 80 × 50 × 40 mm is 102.5 mm
+        ({"surfaces_mm": 10.3}, "surfaces_mm must be at most 10.2 mm, a tenth of the part's size"),
         ({"seed": -1}, "seed must be an integer of at least 0"),
     ],
 )
